@@ -1,0 +1,1 @@
+"""Worlds, scenarios, the runner, metrics and the report."""

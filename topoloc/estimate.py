@@ -1,0 +1,96 @@
+"""Belief -> Estimate: one formula for every estimator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit, logit
+
+from topoloc.geometry import Floats, circular_mean, wrap
+from topoloc.topo_map import TopoMap
+from topoloc.types import Estimate, Status, WeightedPoses
+
+
+@dataclass(frozen=True)
+class EstimateRule:
+    """Coefficients of the formula: probability = expit(bias + gain * logit(mass) + evidence_gain * log evidence).
+
+    ``mass`` is the belief's share nearest to the leading node. An estimator class may carry its own rule as the
+    attribute ``estimate_rule``; this default takes the belief at its word.
+
+    Attributes:
+        bias, gain, evidence_gain: coefficients of the formula.
+        evidence_memory: share of the running log evidence that stays at each update.
+        mode_radius_m: poses within this distance of the leading node's mean make up the reported mode [m].
+        localized_above: LOCALIZED from this probability on.
+        lost_below: LOST below this probability.
+    """
+
+    bias: float = 0.0
+    gain: float = 1.0
+    evidence_gain: float = 0.3
+    evidence_memory: float = 0.7
+    mode_radius_m: float = 1.0
+    localized_above: float = 0.7
+    lost_below: float = 0.3
+
+
+def node_masses(belief: WeightedPoses, topo_map: TopoMap) -> Floats:
+    """Share (K,) of the belief that lies nearest to each node; sums to one."""
+    nearest = topo_map.nearest_node(belief.poses[:, :2])
+    return np.asarray(np.bincount(nearest, weights=belief.weights, minlength=len(topo_map.nodes)), dtype=np.float64)
+
+
+def mean_and_covariance(poses: Floats, weights: Floats, spread: Floats) -> tuple[Floats, Floats]:
+    """Mean pose (3,) and covariance (3, 3) of weighted poses (N, 3), headings on the circle, the spread added."""
+    share = weights / weights.sum()
+    mean = np.array([*(share @ poses[:, :2]), circular_mean(poses[:, 2], share)])
+    deviation = np.column_stack([poses[:, :2] - mean[:2], wrap(poses[:, 2] - mean[2])])
+    return mean, (share[:, None] * deviation).T @ deviation + np.diag(spread)
+
+
+def estimate_from(
+    belief: WeightedPoses,
+    topo_map: TopoMap,
+    log_evidence: float = 0.0,
+    rule: EstimateRule | None = None,
+) -> Estimate:
+    """Read an estimate off a belief.
+
+    Args:
+        belief: of any estimator.
+        topo_map: whose nodes are named.
+        log_evidence: running log p(evidence | past); 0 where there is none.
+        rule: coefficients; the default takes the belief at its word.
+
+    Returns:
+        The leading node (None on an exact tie), its probability, and the mode around it.
+    """
+    chosen = rule or EstimateRule()
+    masses = node_masses(belief, topo_map)
+    leader = int(np.argmax(masses))
+    mass = float(masses[leader])
+    tied = bool(np.isclose(np.delete(masses, leader), mass, rtol=1e-9, atol=0.0).any())
+    logit_mass = float(logit(np.clip(mass, 1e-6, 1.0 - 1e-6)))
+    probability = float(expit(chosen.bias + chosen.gain * logit_mass + chosen.evidence_gain * min(log_evidence, 0.0)))
+    pose, covariance = _leading_mode(belief, topo_map, leader, chosen.mode_radius_m)
+    node = None if tied else leader
+    return Estimate(pose, covariance, node, 0.0 if tied else probability, _status(node, probability, chosen))
+
+
+def _leading_mode(belief: WeightedPoses, topo_map: TopoMap, node: int, radius: float) -> tuple[Floats, Floats]:
+    """Mean and covariance of the belief around its share nearest to a node: a mode does not end at a node's border."""
+    weights = belief.weights
+    own = weights * (topo_map.nearest_node(belief.poses[:, :2]) == node)
+    centre = own @ belief.poses[:, :2] / own.sum()
+    near = np.linalg.norm(belief.poses[:, :2] - centre, axis=1) <= radius
+    if weights[near].sum() == 0.0:  # the share is spread wide around an empty middle
+        near = own > 0.0
+    return mean_and_covariance(belief.poses[near], weights[near], belief.spread)
+
+
+def _status(node: int | None, probability: float, rule: EstimateRule) -> Status:
+    if node is None or probability < rule.lost_below:
+        return Status.LOST
+    return Status.LOCALIZED if probability >= rule.localized_above else Status.AMBIGUOUS

@@ -1,0 +1,152 @@
+"""Files are written whole or not at all, and images are read with an error that names the file."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from topoloc.errors import InputError, OutputExists, UnreadableImage, UserError
+from topoloc.types import Image
+
+
+@contextmanager
+def _plain_os_errors(path: Path) -> Iterator[None]:
+    """Turn the system's refusals (full disk, no permission) into one clear line."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise UserError(f"{path}: cannot be written ({reason}); choose a place with room, yours to write to") from error
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole: a temporary file beside it, flushed to disk, then renamed over it."""
+    with _plain_os_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            Path(name).chmod(0o666 & ~_umask())
+            Path(name).replace(path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+
+
+def _umask() -> int:
+    """The process's umask: files made by ``mkstemp`` are private until given the usual mode."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a UTF-8 text file whole."""
+    write_bytes(path, text.encode())
+
+
+def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write a CSV file whole, one header line first."""
+    buffer = io.StringIO(newline="")
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    write_text(path, buffer.getvalue())
+
+
+@contextmanager
+def new_folder(path: Path, overwrite: bool = False) -> Iterator[Path]:
+    """A folder that appears whole or not at all: yields a temporary sibling that is renamed to ``path`` at the end.
+
+    With ``overwrite``, entries of the same names are replaced and all others in ``path`` stay.
+
+    Raises:
+        OutputExists: ``path`` is a file, or a folder that holds something, and ``overwrite`` is not set.
+    """
+    refuse_to_overwrite(path, overwrite)
+    with _plain_os_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+        temporary.chmod(0o777 & ~_umask())
+        try:
+            yield temporary
+            _move_into(temporary, path)
+        except BaseException:
+            shutil.rmtree(temporary, ignore_errors=True)
+            raise
+
+
+def _move_into(temporary: Path, path: Path) -> None:
+    """Rename a finished folder to ``path``; where that exists, replace only the entries of the same names."""
+    if not path.exists():
+        temporary.replace(path)
+        return
+    for entry in temporary.iterdir():
+        target = path / entry.name
+        if target.is_dir():
+            shutil.rmtree(target)
+        entry.replace(target)
+    temporary.rmdir()
+
+
+def refuse_to_overwrite(path: Path, overwrite: bool = False) -> None:
+    """Raise ``OutputExists`` for a file, or a folder that holds something; ``overwrite`` allows both."""
+    if overwrite or not path.exists() or (path.is_dir() and not any(path.iterdir())):
+        return
+    raise OutputExists(path)
+
+
+def read_text(path: Path, remedy: str) -> str:
+    """The text of a file, UTF-8; a missing or unreadable one is an ``InputError`` with this remedy."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(path, "no such file", remedy) from None
+    except UnicodeDecodeError:
+        raise InputError(path, "is not a text file in UTF-8", remedy) from None
+    except OSError as error:
+        raise InputError(path, f"cannot be read ({error.strerror})", remedy) from None
+
+
+def read_image(path: Path) -> Image:
+    """An image file as uint8 (rows, cols, 3) in RGB order.
+
+    Raises:
+        UnreadableImage: the file is missing or does not decode.
+    """
+    import cv2  # here, because importing topoloc loads numpy and scipy only
+
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+    except OSError as error:
+        raise UnreadableImage(path, f"cannot be read ({error.strerror})", "restore the image or its entry") from None
+    pixels = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if pixels is None:
+        raise UnreadableImage(path, "does not decode as an image", "save it again as PNG or JPEG")
+    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+
+def write_image(path: Path, image: Image) -> None:
+    """Write an image, grey (rows, cols) or RGB (rows, cols, 3), whole, in the format of the file's ending."""
+    import cv2
+
+    pixels = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    try:
+        done, data = cv2.imencode(path.suffix, pixels)
+    except cv2.error:
+        done, data = False, np.zeros(0, dtype=np.uint8)
+    if not done:
+        raise UserError(f"{path}: no image format is called {path.suffix!r}; end the name in .png or .jpg")
+    write_bytes(path, data.tobytes())

@@ -1,0 +1,47 @@
+"""SE(2): poses as arrays (..., 3) of x [m], y [m], theta [rad, -pi <= theta < pi], counter-clockwise (REP 103)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+def wrap(angle: ArrayLike) -> Floats:
+    """Bring angles [rad] into -pi <= angle < pi, elementwise; the shape stays."""
+    return np.asarray((np.asarray(angle, dtype=np.float64) + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def rotate(vectors: ArrayLike, angle: ArrayLike) -> Floats:
+    """Turn vectors (..., 2) counter-clockwise by angle (...) [rad]; the two broadcast."""
+    vector, angles = np.asarray(vectors, dtype=np.float64), np.asarray(angle, dtype=np.float64)
+    cos, sin = np.cos(angles), np.sin(angles)
+    x, y = vector[..., 0], vector[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
+def compose(first: ArrayLike, second: ArrayLike) -> Floats:
+    """Pose reached from ``first`` by the relative pose ``second``; shapes (..., 3) broadcast."""
+    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    position = a[..., :2] + rotate(b[..., :2], a[..., 2])
+    return np.concatenate([position, wrap(a[..., 2] + b[..., 2])[..., None]], axis=-1)
+
+
+def inverse(pose: ArrayLike) -> Floats:
+    """The relative pose that undoes ``pose``: ``compose(pose, inverse(pose))`` is the origin."""
+    a = np.asarray(pose, dtype=np.float64)
+    position = rotate(-a[..., :2], -a[..., 2])
+    return np.concatenate([position, wrap(-a[..., 2])[..., None]], axis=-1)
+
+
+def between(start: ArrayLike, end: ArrayLike) -> Floats:
+    """Relative pose that leads from ``start`` to ``end``, in the frame of ``start``."""
+    return compose(inverse(start), end)
+
+
+def circular_mean(angles: ArrayLike, weights: ArrayLike | None = None) -> float:
+    """Direction [rad] of the (weighted) mean of unit vectors; 0 where they cancel exactly."""
+    angle = np.asarray(angles, dtype=np.float64)
+    weight = np.ones_like(angle) if weights is None else np.asarray(weights, dtype=np.float64)
+    return float(wrap(np.arctan2(np.sum(weight * np.sin(angle)), np.sum(weight * np.cos(angle)))))

@@ -1,0 +1,207 @@
+"""A map as a folder: ``map.toml``, ``nodes.csv``, optional ``edges.csv``, ``views.csv``, and the pictures they name."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from topoloc.errors import InputError
+from topoloc.files import new_folder, read_image, read_text, write_csv, write_image, write_text
+from topoloc.geometry import Floats, wrap
+from topoloc.settings import build, read_toml, refuse_unknown
+from topoloc.topo_map import Camera, Node, TopoMap, View
+from topoloc.types import Image, Ints
+
+MAP_FILE, NODES_FILE, EDGES_FILE, VIEWS_FILE = "map.toml", "nodes.csv", "edges.csv", "views.csv"
+NODE_COLUMNS = ("id", "name", "x", "y", "heading", "panorama")
+EDGE_COLUMNS = ("a", "b")
+VIEW_COLUMNS = ("x", "y", "heading", "image")
+
+
+def load_map(folder: Path) -> TopoMap:
+    """Read a map folder.
+
+    Raises:
+        InputError: naming file, line and remedy for whatever cannot be used.
+    """
+    if not folder.is_dir():
+        raise InputError(folder, "no such folder", "name the folder that holds map.toml and nodes.csv")
+    path = folder / MAP_FILE
+    table = read_toml(path, "a map folder needs it; see 'topoloc simulate lab' for an example")
+    refuse_unknown(table, {"name", "camera", "free", "panoramas_filtered"}, path)
+    camera = build(Camera, table.get("camera", {}), f"{path} [camera]")
+    nodes = _read_nodes(folder, camera)
+    return TopoMap(
+        name=str(table.get("name", folder.name)),
+        camera=camera,
+        nodes=nodes,
+        edges=_read_edges(folder / EDGES_FILE, nodes),
+        free=_read_free(table.get("free", []), path),
+        views=_read_views(folder, camera),
+        filtered=bool(table.get("panoramas_filtered", False)),
+    )
+
+
+def rows_of(path: Path, columns: Sequence[str], remedy: str) -> Iterator[tuple[int, dict[str, str]]]:
+    """Lines of a CSV file whose header names at least ``columns``: (1-based line, value by column)."""
+    reader = csv.reader(io.StringIO(read_text(path, remedy), newline=""))
+    header = [word.strip() for word in next(reader, [])]
+    missing = [column for column in columns if column not in header]
+    if missing:
+        raise InputError(path, f"the header lacks {', '.join(missing)}", f"start it with {','.join(columns)}", line=1)
+    for row in reader:
+        if not row or not any(word.strip() for word in row):
+            continue
+        if len(row) != len(header):
+            problem = f"{len(row)} values under {len(header)} columns"
+            raise InputError(path, problem, "give each column one value", line=reader.line_num)
+        yield reader.line_num, dict(zip(header, (word.strip() for word in row), strict=True))
+
+
+def number(text: str, name: str, path: Path, line: int) -> float:
+    """A finite number, or an ``InputError`` that names column, file and line."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(path, f"{name} is {text!r}, not a finite number", "write a decimal number", line=line)
+    return value
+
+
+def _read_nodes(folder: Path, camera: Camera) -> tuple[Node, ...]:
+    path = folder / NODES_FILE
+    nodes: list[Node] = []
+    seen: dict[str, int] = {}
+    for line, row in rows_of(path, NODE_COLUMNS, "a map folder needs it: one line a node"):
+        x, y, heading = (number(row[key], key, path, line) for key in ("x", "y", "heading"))
+        identity = row["id"]
+        if not identity:
+            raise InputError(path, "the id is empty", "give the node an id", line=line)
+        if identity in seen:
+            problem = f"id {identity!r} stands already on line {seen[identity]}"
+            raise InputError(path, problem, "give each node an id of its own", line=line)
+        seen[identity] = line
+        panorama = _picture(folder / row["panorama"], path, line) if row["panorama"] else None
+        if panorama is not None:
+            _check_panorama(panorama, camera, path, line)
+        nodes.append(Node(identity, row["name"], x, y, float(wrap(np.deg2rad(heading))), panorama))
+    if not nodes:
+        raise InputError(path, "the map has no nodes", "add a line for each node below the header")
+    return tuple(nodes)
+
+
+def _picture(image_path: Path, path: Path, line: int) -> Image:
+    """The picture that a line names; the error names both the line and the picture."""
+    try:
+        return read_image(image_path)
+    except InputError as error:
+        problem = f"the picture {image_path.name} {error.problem.removeprefix('is ')}"
+        raise InputError(path, problem, error.remedy, line=line) from None
+
+
+def _check_panorama(panorama: Image, camera: Camera, path: Path, line: int) -> None:
+    """A panorama holds 360 / hfov frames side by side at the scale of its own height, to 2 %."""
+    rows, columns = panorama.shape[:2]
+    expected = camera.panorama_columns() * rows / camera.height
+    if abs(columns - expected) > 0.02 * expected:
+        raise InputError(
+            path,
+            f"the panorama has {columns} columns by {rows} rows, but a camera of {camera.width}x{camera.height} pixels"
+            f" and {camera.hfov_deg:g} degrees gives {expected:.0f} columns",
+            "correct [camera] in map.toml or make the panorama again",
+            line=line,
+        )
+
+
+def _read_edges(path: Path, nodes: tuple[Node, ...]) -> Ints | None:
+    if not path.exists():
+        return None
+    index = {node.id: i for i, node in enumerate(nodes)}
+    edges = []
+    for line, row in rows_of(path, EDGE_COLUMNS, "restore it"):
+        for key in EDGE_COLUMNS:
+            if row[key] not in index:
+                raise InputError(path, f"no node has the id {row[key]!r}", "use ids of nodes.csv", line=line)
+        edges.append((index[row["a"]], index[row["b"]]))
+    return np.array(edges, dtype=np.int64).reshape(-1, 2)
+
+
+def _read_free(polygons: Any, path: Path) -> tuple[Floats, ...]:
+    try:
+        free = tuple(np.array(polygon, dtype=np.float64) for polygon in polygons)
+    except (TypeError, ValueError):
+        free = (np.zeros(0),)
+    for polygon in free:
+        if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3 or not np.isfinite(polygon).all():
+            raise InputError(path, "free is not a list of polygons", "write free = [[[x, y], [x, y], [x, y]], ...]")
+    return free
+
+
+def _read_views(folder: Path, camera: Camera) -> tuple[View, ...]:
+    path = folder / VIEWS_FILE
+    if not path.exists():
+        return ()
+    views = []
+    for line, row in rows_of(path, VIEW_COLUMNS, "restore it"):
+        x, y, heading = (number(row[key], key, path, line) for key in ("x", "y", "heading"))
+        image = _picture(folder / row["image"], path, line)
+        if not camera.fits(image):
+            rows, columns = image.shape[:2]
+            problem = f"{row['image']} is {columns}x{rows}, but map.toml says {camera.width}x{camera.height}"
+            raise InputError(path, problem, "use images of one aspect ratio, or correct [camera]", line=line)
+        views.append(View(np.array([x, y, float(wrap(np.deg2rad(heading)))]), image))
+    return tuple(views)
+
+
+def save_map(topo_map: TopoMap, folder: Path, overwrite: bool = False) -> None:
+    """Write a map folder, whole or not at all; ``load_map`` reads it back. Pictures become PNG files.
+
+    Raises:
+        OutputExists: the folder holds something and ``overwrite`` is not set.
+    """
+    import tomli_w
+
+    with new_folder(folder, overwrite) as target:
+        camera = topo_map.camera
+        table: dict[str, Any] = {
+            "name": topo_map.name,
+            "free": [polygon.tolist() for polygon in topo_map.free],
+            "panoramas_filtered": topo_map.filtered,
+            "camera": {"hfov_deg": camera.hfov_deg, "width": camera.width, "height": camera.height},
+        }
+        write_text(target / MAP_FILE, tomli_w.dumps(table))
+        write_csv(target / NODES_FILE, NODE_COLUMNS, [_node_row(node, target) for node in topo_map.nodes])
+        pairs = [(topo_map.nodes[a].id, topo_map.nodes[b].id) for a, b in np.asarray(topo_map.edges)]
+        write_csv(target / EDGES_FILE, EDGE_COLUMNS, pairs)
+        if topo_map.views:
+            rows = [_view_row(view, i, target) for i, view in enumerate(topo_map.views)]
+            write_csv(target / VIEWS_FILE, VIEW_COLUMNS, rows)
+
+
+def _node_row(node: Node, target: Path) -> tuple[str, str, str, str, str, str]:
+    name = ""
+    if node.panorama is not None:
+        name = f"panoramas/{node.id}.png"
+        write_image(target / name, node.panorama)
+    heading = np.rad2deg(node.heading)
+    return node.id, node.name, f"{node.x:.6g}", f"{node.y:.6g}", f"{heading:.6g}", name
+
+
+def _view_row(view: View, i: int, target: Path) -> tuple[str, str, str, str]:
+    name = f"views/{i:05d}.png"
+    write_image(target / name, view.image)
+    x, y, heading = view.pose
+    return f"{x:.6g}", f"{y:.6g}", f"{np.rad2deg(heading):.6g}", name
+
+
+def without_pictures(topo_map: TopoMap) -> TopoMap:
+    """The same places without panoramas and views: what an estimator needs, small enough to send elsewhere."""
+    return replace(topo_map, nodes=tuple(replace(node, panorama=None) for node in topo_map.nodes), views=())

@@ -1,0 +1,64 @@
+"""Names -> classes, by entry points, loaded only when asked for: ours and outsiders' in the same way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from topoloc.errors import UnknownName, UserError
+from topoloc.interfaces import Estimator, Sensor
+from topoloc.settings import build
+
+SENSORS, ESTIMATORS = "topoloc.sensors", "topoloc.estimators"
+WORLDS, PANORAMAS, COMMANDS = "topoloc.worlds", "topoloc.panoramas", "topoloc.commands"
+
+
+def names(group: str) -> list[str]:
+    """Names that are installed in a group, sorted."""
+    return sorted({point.name for point in entry_points(group=group)})
+
+
+def load(group: str, name: str) -> Any:
+    """The object of that name.
+
+    Raises:
+        UnknownName: nothing in the group is called so; the message lists what is.
+        UserError: it needs a library that is not installed.
+    """
+    what = group.rpartition(".")[2].removesuffix("s")
+    found: dict[str, EntryPoint] = {point.name: point for point in entry_points(group=group)}
+    if name not in found:
+        raise UnknownName(what, name, sorted(found))
+    try:
+        return found[name].load()
+    except ModuleNotFoundError as error:
+        raise UserError(f"the {what} {name!r} needs the package {error.name!r}; install it with pip") from error
+
+
+def make(group: str, name: str, settings: Mapping[str, Any] | None = None) -> Any:
+    """An instance of the class of that name; ``settings`` go into its ``Config`` dataclass, unknown ones refused."""
+    cls = load(group, name)
+    return cls(build(cls.Config, settings or {}, f"settings of {name}"))
+
+
+def make_sensor(name: str, settings: Mapping[str, Any] | None = None) -> Sensor:
+    """A sensor model by name; see ``topoloc list`` for the names."""
+    sensor: Sensor = make(SENSORS, name, settings)
+    return sensor
+
+
+def make_estimator(name: str, settings: Mapping[str, Any] | None = None) -> Estimator:
+    """An estimator by name; see ``topoloc list`` for the names."""
+    estimator: Estimator = make(ESTIMATORS, name, settings)
+    return estimator
+
+
+def options(group: str, name: str) -> dict[str, Any]:
+    """Name and default of each setting of the class of that name."""
+    config = load(group, name).Config
+    defaults = {}
+    for item in fields(config):
+        defaults[item.name] = item.default_factory() if item.default_factory is not MISSING else item.default
+    return defaults

@@ -1,0 +1,238 @@
+"""A recording: a folder in the TUM RGB-D layout -> frames, read one at a time as they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from topoloc.errors import InputError
+from topoloc.files import read_image, read_text, write_text
+from topoloc.geometry import Floats, wrap
+from topoloc.settings import build, read_toml, refuse_unknown
+from topoloc.topo_map import Camera
+from topoloc.types import Frame, Image
+
+KINDS = ("rgb", "omni", "right", "depth")
+MAX_OFFSET_S = 0.05
+"""Pictures of different kinds belong to one frame when their times differ by at most this [s]."""
+
+
+class LazyImages(Mapping[str, Image]):
+    """Images by kind that are read, once, when they are asked for."""
+
+    def __init__(self, readers: Mapping[str, Callable[[], Image]]) -> None:
+        self._readers = dict(readers)
+        self._images: dict[str, Image] = {}
+
+    def __getitem__(self, kind: str) -> Image:
+        if kind not in self._images:
+            self._images[kind] = self._readers[kind]()
+        return self._images[kind]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._readers)
+
+    def __len__(self) -> int:
+        return len(self._readers)
+
+
+@dataclass(frozen=True)
+class Mount:
+    """Where the camera sits on the robot: x, y [m], yaw_deg degrees counter-clockwise."""
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw_deg: float = 0.0
+
+
+@dataclass(frozen=True)
+class Track:
+    """Poses over time: times (N,) [s], increasing; poses (N, 3)."""
+
+    times: Floats
+    poses: Floats
+
+    def at(self, time: float) -> Floats:
+        """The pose (3,) at a time, interpolated; before the first and after the last reading it stands still."""
+        x, y = (float(np.interp(time, self.times, self.poses[:, i])) for i in (0, 1))
+        heading = float(np.interp(time, self.times, np.unwrap(self.poses[:, 2])))
+        return np.array([x, y, float(wrap(heading))])
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One line of ``rgb.txt`` and the like: when, which file, and on which line it stands."""
+
+    time: float
+    path: Path
+    line: int
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a robot recorded; iterating gives its frames in time.
+
+    Attributes:
+        folder: where it lies.
+        kind: of its main pictures, ``rgb`` or ``omni``.
+        pictures: by kind; the first entry of each frame is the main kind's.
+        camera: of the main pictures, or None where ``camera.toml`` is missing.
+        mount: pose of the camera on the robot without pan.
+        odometry, truth: raw odometer and ground truth, where recorded.
+        pan: times and angles of the pan head, as a track whose heading is the pan.
+    """
+
+    folder: Path
+    kind: str
+    pictures: Mapping[str, Sequence[Picture]]
+    camera: Camera | None = None
+    mount: Mount = field(default_factory=Mount)
+    odometry: Track | None = None
+    truth: Track | None = None
+    pan: Track | None = None
+
+    @classmethod
+    def load(cls, folder: Path | str) -> Recording:
+        """Read the lists of a recording; the pictures are read as frames are asked for.
+
+        Raises:
+            InputError: naming file, line and remedy.
+        """
+        path = Path(folder)
+        if not path.is_dir():
+            raise InputError(path, "no such folder", "name the folder that holds rgb.txt or omni.txt")
+        present = [kind for kind in KINDS if (path / f"{kind}.txt").exists()]
+        main = next((kind for kind in ("rgb", "omni") if kind in present), None)
+        if main is None:
+            raise InputError(path, "holds neither rgb.txt nor omni.txt", "list the pictures as 'timestamp path' lines")
+        pictures = {kind: _read_list(path / f"{kind}.txt") for kind in present}
+        if not pictures[main]:
+            raise InputError(path / f"{main}.txt", "lists no pictures", "add a line 'timestamp path' for each")
+        camera, mount = _read_camera(path / "camera.toml")
+        return cls(
+            folder=path,
+            kind=main,
+            pictures=pictures,
+            camera=camera,
+            mount=mount,
+            odometry=_read_track(path / "odometry.txt"),
+            truth=_read_track(path / "groundtruth.txt"),
+            pan=_read_pan(path / "pan.txt"),
+        )
+
+    def __len__(self) -> int:
+        return len(self.pictures[self.kind])
+
+    def __iter__(self) -> Iterator[Frame]:
+        for picture in self.pictures[self.kind]:
+            yield self.frame(picture)
+
+    def frame(self, picture: Picture) -> Frame:
+        """The frame around one picture of the main kind; its images are read when asked for."""
+        time = picture.time
+        chosen = {self.kind: picture}
+        for kind, others in self.pictures.items():
+            near = min(others, key=lambda other: abs(other.time - time), default=None)
+            if kind != self.kind and near is not None and abs(near.time - time) <= MAX_OFFSET_S:
+                chosen[kind] = near
+        pan = 0.0 if self.pan is None else float(self.pan.at(time)[2])
+        mount = np.array([self.mount.x, self.mount.y, float(wrap(np.deg2rad(self.mount.yaw_deg) + pan))])
+        odometry = None if self.odometry is None else self.odometry.at(time)
+        return Frame(time, odometry, mount, LazyImages({kind: self._reader(one) for kind, one in chosen.items()}))
+
+    def _reader(self, picture: Picture) -> Callable[[], Image]:
+        return lambda: read_image(picture.path)
+
+
+def write_track(path: Path, times: Sequence[float], poses: Floats) -> None:
+    """Write a trajectory (N, 3) as a TUM file, whole: ``timestamp tx ty tz qx qy qz qw``."""
+    lines = ["# timestamp tx ty tz qx qy qz qw"]
+    for time, (x, y, theta) in zip(times, poses, strict=True):
+        lines.append(f"{time:.6f} {x:.6f} {y:.6f} 0 0 0 {np.sin(theta / 2):.9f} {np.cos(theta / 2):.9f}")
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Words of the lines of a TUM file that are no comments, with their 1-based numbers."""
+    for line, text in enumerate(read_text(path, "restore it").splitlines(), start=1):
+        words = text.replace(",", " ").split()
+        if words and not words[0].startswith("#"):
+            yield line, words
+
+
+def _numbers(words: Sequence[str], path: Path, line: int) -> list[float]:
+    """Finite numbers, or an ``InputError`` that names the word that is none."""
+    values = []
+    for word in words:
+        try:
+            value = float(word)
+        except ValueError:
+            value = float("nan")
+        if not np.isfinite(value):
+            raise InputError(path, f"{word!r} is not a finite number", "correct or delete the line", line=line)
+        values.append(value)
+    return values
+
+
+def _check_time(time: float, before: float, path: Path, line: int) -> None:
+    if time <= before:
+        raise InputError(path, f"time {time:.6f} does not follow {before:.6f}", "sort the lines by time", line=line)
+
+
+def _read_list(path: Path) -> list[Picture]:
+    pictures: list[Picture] = []
+    for line, words in _lines(path):
+        if len(words) != 2:
+            raise InputError(path, f"{len(words)} words", "write 'timestamp path'", line=line)
+        time = _numbers(words[:1], path, line)[0]
+        _check_time(time, pictures[-1].time if pictures else -np.inf, path, line)
+        pictures.append(Picture(time, path.parent / words[1], line))
+    return pictures
+
+
+def _read_track(path: Path) -> Track | None:
+    """A TUM trajectory, flattened to the plane; None where the file does not exist."""
+    if not path.exists():
+        return None
+    rows: list[list[float]] = []
+    for line, words in _lines(path):
+        if len(words) != 8:
+            raise InputError(path, f"{len(words)} values", "write 'timestamp tx ty tz qx qy qz qw'", line=line)
+        rows.append(_numbers(words, path, line))
+        _check_time(rows[-1][0], rows[-2][0] if len(rows) > 1 else -np.inf, path, line)
+        if not any(rows[-1][4:]):
+            raise InputError(path, "the quaternion is zero", "write 0 0 0 1 for no rotation", line=line)
+    if not rows:
+        raise InputError(path, "holds no poses", "add lines, or delete the file if there is none")
+    table = np.array(rows)
+    qx, qy, qz, qw = table[:, 4:].T
+    heading = np.arctan2(2.0 * (qw * qz + qx * qy), qw**2 + qx**2 - qy**2 - qz**2)
+    return Track(table[:, 0], np.column_stack([table[:, 1:3], wrap(heading)]))
+
+
+def _read_pan(path: Path) -> Track | None:
+    """Angles of the pan head (degrees, counter-clockwise) as a track; None where the file does not exist."""
+    if not path.exists():
+        return None
+    rows: list[list[float]] = []
+    for line, words in _lines(path):
+        if len(words) != 2:
+            raise InputError(path, f"{len(words)} values", "write 'timestamp degrees'", line=line)
+        rows.append(_numbers(words, path, line))
+        _check_time(rows[-1][0], rows[-2][0] if len(rows) > 1 else -np.inf, path, line)
+    if not rows:
+        raise InputError(path, "holds no angles", "add lines, or delete the file if there is no pan head")
+    table = np.array(rows)
+    return Track(table[:, 0], np.column_stack([np.zeros((len(table), 2)), np.deg2rad(table[:, 1])]))
+
+
+def _read_camera(path: Path) -> tuple[Camera | None, Mount]:
+    if not path.exists():
+        return None, Mount()
+    table = read_toml(path, "restore it")
+    mount = build(Mount, table.pop("mount", {}), f"{path} [mount]")
+    refuse_unknown(table, {"hfov_deg", "width", "height", "mount"}, path)
+    return build(Camera, table, path), mount

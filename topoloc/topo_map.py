@@ -1,0 +1,202 @@
+"""The topological map: nodes with panoramas, edges, free area and training views."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from topoloc.geometry import Floats
+from topoloc.types import Image, Ints
+
+EDGE_REACH = 1.5
+"""Without a list of edges, nodes closer than this many times the median nearest spacing are joined."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """The camera that a map's pictures were taken with.
+
+    Attributes:
+        hfov_deg: horizontal field of view, degrees.
+        width: columns of a frame, pixels.
+        height: rows of a frame, pixels.
+    """
+
+    hfov_deg: float = 40.0
+    width: int = 384
+    height: int = 288
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.hfov_deg < 180.0:
+            raise ValueError(f"hfov_deg is {self.hfov_deg}; it must lie between 0 and 180")
+        if self.width < 1 or self.height < 1:
+            raise ValueError(f"a frame of {self.width}x{self.height} pixels has no picture in it")
+
+    def panorama_columns(self, frame_width: int | None = None) -> int:
+        """Columns of a full circle at the scale of a frame ``frame_width`` columns wide: (2.1), rounded."""
+        return round((self.width if frame_width is None else frame_width) * 360.0 / self.hfov_deg)
+
+    def fits(self, image: Image) -> bool:
+        """Whether an image has this camera's aspect ratio, to a pixel of rounding."""
+        rows, columns = image.shape[:2]
+        return bool(abs(columns * self.height - rows * self.width) <= max(self.width, self.height))
+
+
+@dataclass(frozen=True)
+class Node:
+    """A place of the map.
+
+    Attributes:
+        id: unique, as ``steps.csv`` names it.
+        name: for people.
+        x, y: [m], map frame.
+        heading: of the left edge of the panorama's first column [rad, ccw]; columns run clockwise.
+        panorama: uint8 (rows, cols[, 3]), a full circle linear in angle, or None.
+    """
+
+    id: str
+    name: str
+    x: float
+    y: float
+    heading: float = 0.0
+    panorama: Image | None = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True)
+class View:
+    """A training view: an image and the pose (3,) of the camera it was taken from (heading = optical axis)."""
+
+    pose: Floats
+    image: Image = field(repr=False, compare=False)
+
+
+@dataclass(frozen=True)
+class TopoMap:
+    """A topological map.
+
+    Attributes:
+        name: for people.
+        camera: of the panoramas and views.
+        nodes: at least one.
+        edges: (E, 2) indices into ``nodes``; None joins near nodes (see ``EDGE_REACH``).
+        free: polygons, each (V, 2) [m], that the robot may be in besides the surroundings of nodes and edges.
+        views: training views.
+        filtered: the panoramas were built from snapshots filtered with CLAHE: a sensor must not filter again.
+    """
+
+    name: str
+    camera: Camera
+    nodes: tuple[Node, ...]
+    edges: Ints | None = None
+    free: tuple[Floats, ...] = ()
+    views: tuple[View, ...] = ()
+    filtered: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.nodes:
+            raise ValueError("a map needs at least one node")
+        ids = [node.id for node in self.nodes]
+        if len(set(ids)) != len(ids):
+            raise ValueError("the ids of a map's nodes must differ")
+        if not np.isfinite(self.positions).all():
+            raise ValueError("the positions of a map's nodes must be finite")
+        edges = _near_pairs(self.positions) if self.edges is None else np.asarray(self.edges, dtype=np.int64)
+        object.__setattr__(self, "edges", edges.reshape(-1, 2))
+
+    @classmethod
+    def load(cls, folder: Path | str) -> TopoMap:
+        """Read a map folder (DESIGN.md, "On disk"). Raises ``InputError`` naming file and line."""
+        from topoloc.map_folder import load_map
+
+        return load_map(Path(folder))
+
+    def save(self, folder: Path | str, overwrite: bool = False) -> None:
+        """Write a map folder, whole or not at all. Raises ``OutputExists`` unless told to overwrite."""
+        from topoloc.map_folder import save_map
+
+        save_map(self, Path(folder), overwrite)
+
+    @cached_property
+    def positions(self) -> Floats:
+        """(K, 2) positions of the nodes [m]."""
+        return np.array([(node.x, node.y) for node in self.nodes], dtype=np.float64)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.positions)
+
+    def nearest_node(self, positions: ArrayLike) -> Ints:
+        """Index (P,) of the node nearest to each position (P, 2) [m]."""
+        return np.asarray(self._tree.query(np.asarray(positions, dtype=np.float64))[1], dtype=np.int64)
+
+    def distance_to_nearest(self, positions: ArrayLike) -> Floats:
+        """Distance (P,) from each position (P, 2) to the node nearest to it [m]."""
+        return np.asarray(self._tree.query(np.asarray(positions, dtype=np.float64))[0], dtype=np.float64)
+
+    def adjacent(self, first: int, second: int) -> bool:
+        """Whether an edge joins two nodes, given by index."""
+        pairs = np.sort(np.asarray(self.edges), axis=1)
+        return bool((pairs == sorted((first, second))).all(axis=1).any())
+
+    def is_free(self, positions: ArrayLike, reach: float) -> np.ndarray:
+        """Whether the robot may be at positions (P, 2): within ``reach`` [m] of a node or an edge, or in ``free``."""
+        points = np.asarray(positions, dtype=np.float64)
+        inside = self.distance_to_nearest(points) <= reach
+        for a, b in np.asarray(self.edges):
+            inside |= _distance_to_segment(points, self.positions[a], self.positions[b]) <= reach
+        for polygon in self.free:
+            inside |= _inside(points, polygon)
+        return inside
+
+    def free_cells(self, resolution: float, reach: float) -> tuple[Floats, Floats, np.ndarray]:
+        """A regular grid over the free area.
+
+        Args:
+            resolution: side of a cell [m].
+            reach: see ``is_free`` [m].
+
+        Returns:
+            Cell centres along x (X,) and along y (Y,) [m], and which cells are free (X, Y).
+        """
+        corners = np.concatenate([self.positions - reach, self.positions + reach, *self.free])
+        low = np.floor(corners.min(axis=0) / resolution).astype(int)
+        high = np.ceil(corners.max(axis=0) / resolution).astype(int)
+        xs, ys = ((np.arange(a, b) + 0.5) * resolution for a, b in zip(low, high, strict=True))
+        centres = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1)
+        return xs, ys, self.is_free(centres.reshape(-1, 2), reach).reshape(len(xs), len(ys))
+
+
+def _near_pairs(positions: Floats) -> Ints:
+    """Pairs (E, 2) of nodes closer than ``EDGE_REACH`` times the median distance to the nearest neighbour."""
+    if len(positions) < 2:
+        return np.zeros((0, 2), dtype=np.int64)
+    tree = cKDTree(positions)
+    spacing = float(np.median(tree.query(positions, k=2)[0][:, 1]))
+    pairs = tree.query_pairs(EDGE_REACH * spacing * (1.0 - 1e-9), output_type="ndarray")
+    return np.asarray(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))], dtype=np.int64)
+
+
+def _distance_to_segment(points: Floats, a: Floats, b: Floats) -> Floats:
+    """Distance (P,) of points (P, 2) from the segment between a and b (2,)."""
+    along = b - a
+    length = max(float(along @ along), 1e-12)
+    share = np.clip((points - a) @ along / length, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points - (a + share[:, None] * along), axis=1))
+
+
+def _inside(points: Floats, polygon: Sequence[Sequence[float]] | Floats) -> np.ndarray:
+    """Even-odd rule: which points (P, 2) lie inside the polygon (V, 2)."""
+    corner = np.asarray(polygon, dtype=np.float64)
+    following = np.roll(corner, -1, axis=0)
+    x, y = points[:, :1], points[:, 1:]
+    straddles = (corner[:, 1] > y) != (following[:, 1] > y)
+    height = following[:, 1] - corner[:, 1]
+    slope = np.divide(following[:, 0] - corner[:, 0], height, out=np.zeros(len(corner)), where=height != 0.0)
+    crossing = corner[:, 0] + (y - corner[:, 1]) * slope
+    return np.asarray((straddles & (x < crossing)).sum(axis=1) % 2 == 1)
