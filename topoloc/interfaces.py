@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     import numpy as np
@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from topoloc.types import Evidence, Frame, Motion, WeightedPoses
 
 
-@runtime_checkable
 class Sensor(Protocol):
     """Image -> evidence. It owns the scale from match to log-likelihood, calibrated on the map in ``fit``."""
 
@@ -26,7 +25,6 @@ class Sensor(Protocol):
         """Evidence about the camera's pose (heading = optical axis). Pure: the same frame gives the same evidence."""
 
 
-@runtime_checkable
 class Estimator(Protocol):
     """Evidence + motion -> belief. It never sees an image."""
 

@@ -58,7 +58,8 @@ def check_estimator(make: Callable[[], Estimator], topo_map: TopoMap | None = No
     """
     the_map = topo_map or toy_map()
     estimator = make()
-    assert isinstance(estimator, Estimator), "the class lacks reset, predict, update or belief"
+    lacking = [name for name in ("reset", "predict", "update", "belief") if not hasattr(type(estimator), name)]
+    assert not lacking, f"the class lacks {', '.join(lacking)}"
     estimator.reset(the_map, np.random.default_rng(seed))
     _check_belief(estimator, the_map, "after reset")
     _check_blindness(estimator, the_map)
@@ -134,7 +135,8 @@ def _reordered(evidence: Evidence, order: int) -> Evidence:
 
 def check_sensor(sensor: Sensor, topo_map: TopoMap, frames: Sequence[Frame]) -> None:
     """Run a sensor over a map it can use and a few of its frames."""
-    assert isinstance(sensor, Sensor), "the class lacks needs, fit or observe"
+    lacking = [name for name in ("needs", "fit", "observe") if not hasattr(type(sensor), name)]
+    assert not lacking, f"the class lacks {', '.join(lacking)}"
     assert isinstance(sensor.needs, frozenset), "needs must be a frozenset of image kinds"
     sensor.fit(topo_map)
     for frame in frames:

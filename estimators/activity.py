@@ -1,0 +1,230 @@
+"""The thesis's estimator: few hypotheses at nodes, their activity updated by Code 3.1 together with section 4.1.5."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from topoloc.geometry import Floats, circular_mean, rotate, wrap
+from topoloc.thesis import THESIS
+from topoloc.topo_map import TopoMap
+from topoloc.types import Evidence, Ints, Motion, WeightedPoses
+
+UNKNOWN_HEADINGS = np.deg2rad([-180.0, -90.0, 0.0, 90.0])
+"""A hypothesis without a heading stands in the belief four times, so that its mean heading is nowhere."""
+
+
+@dataclass(frozen=True)
+class ActivityTrackerConfig:
+    """Thresholds of the thesis (4.1.1, 5.2).
+
+    Attributes:
+        match_threshold: eps_M; a destination's match must exceed it, and the virtual destination has just this.
+        head_threshold: eps_phi >= eps_M; the winner's match must exceed it for the heading to be corrected.
+    """
+
+    match_threshold: float = THESIS.match_threshold
+    head_threshold: float = THESIS.head_threshold
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.match_threshold <= self.head_threshold <= 1.0:
+            raise ValueError("0 <= match_threshold <= head_threshold <= 1 must hold (thesis 3.8)")
+
+
+@dataclass(frozen=True)
+class Hypotheses:
+    """Origins O or destinations D of thesis 3.2, row by row.
+
+    Attributes:
+        nodes: (L,) index into ``topo_map.nodes``.
+        headings: (L,) [rad]; NaN where unknown.
+        match: (L,) MATCH(d); eps_M for a virtual one, NaN for the origins of the start.
+        activity: (L,) Act, sums to one.
+        virtual: (L,) whether it is the virtual one d0 of 3.2.1.
+    """
+
+    nodes: Ints
+    headings: Floats
+    match: Floats
+    activity: Floats
+    virtual: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+
+@dataclass(frozen=True)
+class TrackerStep:
+    """One execution of Code 3.1, for golden tests, ``reproduce`` and ``explain``.
+
+    Attributes:
+        kind: ``normal`` or ``virtual`` destination won, ``supposed`` place, or ``none``: nothing known yet.
+        node: the answer d* or d0, index into ``topo_map.nodes``; None while nothing is known.
+        origins: before the step.
+        destinations: of the step; empty when none was generated.
+        winner: row of d* in ``destinations``; None where there is none.
+        delta_l: (D, O) [m], (3.14).
+        delta_phi: (D, O) [rad], absolute, (3.15); NaN where a heading is unknown.
+    """
+
+    kind: str
+    node: int | None
+    origins: Hypotheses
+    destinations: Hypotheses
+    winner: int | None
+    delta_l: Floats
+    delta_phi: Floats
+
+
+class ActivityTracker:
+    """Multi-hypothesis tracking of the thesis (chapter 3, Code 3.1, section 4.1.5).
+
+    The motions since the last winning destination add up to one displacement in the map frame, common to all
+    origins; each origin keeps its own heading. The tracker alone owns the offset between odometer and map heading.
+    """
+
+    Config = ActivityTrackerConfig
+
+    def __init__(self, config: ActivityTrackerConfig | None = None) -> None:
+        self.config = config or ActivityTrackerConfig()
+        self.last: TrackerStep | None = None
+
+    def reset(self, topo_map: TopoMap, rng: np.random.Generator, prior: WeightedPoses | None = None) -> None:
+        """Every node an origin of activity 1/K with unknown heading (5.2.2), or the origins and heading of a prior."""
+        del rng  # nothing here is drawn
+        self._positions, self._nearest_node = topo_map.positions, topo_map.nearest_node
+        self.last = None
+        if prior is None:
+            self.restore(_origins_anywhere(len(topo_map.nodes)), None, 0.0)
+        else:
+            origins = _origins_of(prior, topo_map)
+            best = int(np.argmax(origins.activity))
+            self.restore(origins, best, float(origins.headings[best]))
+
+    def restore(self, origins: Hypotheses, best_origin: int | None, heading: float) -> None:
+        """Go on from known origins: those of a saved run, or of a table of the thesis.
+
+        Args:
+            origins: O, what the last destinations were.
+            best_origin: row of o*, the last winner; None where nothing has won yet.
+            heading: the corrected odometer heading there [rad].
+        """
+        self._origins, self._best_origin = origins, best_origin
+        self._odometer_heading = 0.0  # integrated from the motions that follow
+        self._offset = heading  # of the map's heading against the odometer's
+        self._displacement, self._turned = np.zeros(2), 0.0  # since the last winning destination
+
+    @property
+    def heading(self) -> float:
+        """The corrected odometer heading [rad]."""
+        return float(wrap(self._odometer_heading + self._offset))
+
+    def predict(self, motion: Motion) -> None:
+        """Add a motion to the displacement, along the corrected heading (4.1.5).
+
+        Before the first win its direction is unknown, so that only the odometer's own heading is kept.
+        """
+        if self._best_origin is not None:
+            self._displacement = self._displacement + rotate(motion.delta[:2], self.heading)
+            self._turned = float(wrap(self._turned + motion.delta[2]))
+        self._odometer_heading = float(wrap(self._odometer_heading + motion.delta[2]))
+
+    def update(self, evidence: Evidence) -> None:
+        """Code 3.1. There is no p(evidence | past) here: activities are normalised among the destinations only."""
+        supposed = self._supposed_node()
+        destinations = self._destinations(evidence, supposed)
+        if len(destinations) == 0:
+            kind = "none" if supposed is None else "supposed"
+            nothing = np.zeros((0, len(self._origins)))
+            self.last = TrackerStep(kind, supposed, self._origins, destinations, None, nothing, nothing)
+            return
+        delta_l, delta_phi = self._deviations(destinations)
+        reached = action_model(delta_l, delta_phi) @ self._origins.activity  # prediction (3.22)
+        activity = destinations.match * reached  # update (3.23)
+        activity = activity / activity.sum()  # normalisation (3.24)
+        winner = int(np.argmax(activity))
+        done = Hypotheses(destinations.nodes, destinations.headings, destinations.match, activity, destinations.virtual)
+        kind = "virtual" if done.virtual[winner] else "normal"
+        self.last = TrackerStep(kind, int(done.nodes[winner]), self._origins, done, winner, delta_l, delta_phi)
+        self._reset_to(done, winner)
+
+    @property
+    def belief(self) -> WeightedPoses:
+        """The origins, moved by the displacement since they were destinations."""
+        origins = self._origins
+        positions = self._positions[origins.nodes] + self._displacement
+        headings = wrap(origins.headings + self._turned)
+        known = np.isfinite(headings)
+        rows = np.concatenate([np.flatnonzero(known), np.repeat(np.flatnonzero(~known), len(UNKNOWN_HEADINGS))])
+        fill = np.tile(UNKNOWN_HEADINGS, int((~known).sum()))
+        poses = np.column_stack([positions[rows], np.concatenate([headings[known], fill])])
+        share = np.where(known[rows], 1.0, 1.0 / len(UNKNOWN_HEADINGS))
+        with np.errstate(divide="ignore"):  # an activity may have underflowed to zero
+            return WeightedPoses(poses, np.log(origins.activity[rows] * share))
+
+    def _supposed_node(self) -> int | None:
+        """d0: the node nearest to o* plus the odometry displacement; None before the first win."""
+        if self._best_origin is None:
+            return None
+        place = self._positions[self._origins.nodes[self._best_origin]] + self._displacement
+        return int(self._nearest_node(place[None])[0])
+
+    def _destinations(self, evidence: Evidence, supposed: int | None) -> Hypotheses:
+        """Nodes with a match above eps_M, and the virtual destination (3.2.1); empty when there is no such node."""
+        best = evidence.best_per_node()
+        chosen = best[evidence.match[best] > self.config.match_threshold]
+        headings = np.where(evidence.kappa[chosen] > 0.0, evidence.poses[chosen, 2], np.nan)
+        virtual = np.zeros(len(chosen), dtype=bool)
+        nodes, match = evidence.nodes[chosen], evidence.match[chosen]
+        if len(chosen) and supposed is not None:
+            nodes, match = np.append(nodes, supposed), np.append(match, self.config.match_threshold)
+            headings, virtual = np.append(headings, self.heading), np.append(virtual, True)
+        return Hypotheses(nodes, headings, match, np.zeros(len(nodes)), virtual)
+
+    def _deviations(self, destinations: Hypotheses) -> tuple[Floats, Floats]:
+        """Delta-l (3.14) and delta-phi (3.15), each (D, O): one displacement, but each origin's own heading."""
+        reached = self._positions[self._origins.nodes] + self._displacement
+        delta_l = np.linalg.norm(self._positions[destinations.nodes][:, None] - reached[None], axis=2)
+        turned = self._origins.headings + self._turned
+        return delta_l, np.abs(wrap(destinations.headings[:, None] - turned[None]))
+
+    def _reset_to(self, destinations: Hypotheses, winner: int) -> None:
+        """The end of Code 3.1: reset the odometry to d*, correct the heading if the match allows it, O <- D."""
+        if destinations.match[winner] > self.config.head_threshold and np.isfinite(destinations.headings[winner]):
+            self._offset = float(wrap(destinations.headings[winner] - self._odometer_heading))
+        self._displacement, self._turned = np.zeros(2), 0.0
+        self._origins, self._best_origin = destinations, winner
+
+
+def action_model(delta_l: Floats, delta_phi: Floats) -> Floats:
+    """P(d | o, a) of (3.19) up to its constant factor, which the normalisation (3.24) cancels.
+
+    The width of each Gaussian (3.16), (3.17) is the step's own largest deviation; where every deviation is zero the
+    formula would divide by zero: all pairs then fit alike. A pair with an unknown heading (NaN) has the factor 1.
+    """
+    return _gaussian(delta_l) * _gaussian(delta_phi)
+
+
+def _gaussian(deviation: Floats) -> Floats:
+    known = np.isfinite(deviation)
+    sigma = float(deviation[known].max(initial=0.0))
+    if sigma == 0.0:
+        return np.ones_like(deviation)
+    return np.where(known, np.exp(-0.5 * (np.where(known, deviation, 0.0) / sigma) ** 2), 1.0)
+
+
+def _origins_anywhere(count: int) -> Hypotheses:
+    nodes = np.arange(count)
+    unknown = np.full(count, np.nan)
+    return Hypotheses(nodes, unknown, unknown, np.full(count, 1.0 / count), np.zeros(count, dtype=bool))
+
+
+def _origins_of(prior: WeightedPoses, topo_map: TopoMap) -> Hypotheses:
+    """A prior's mass and mean heading at each node that it reaches."""
+    weights, nearest = prior.weights, topo_map.nearest_node(prior.poses[:, :2])
+    nodes = np.unique(nearest[weights > 0.0])
+    activity = np.array([weights[nearest == node].sum() for node in nodes])
+    headings = np.array([circular_mean(prior.poses[nearest == node, 2], weights[nearest == node]) for node in nodes])
+    unknown = np.full(len(nodes), np.nan)
+    return Hypotheses(nodes, headings, unknown, activity / activity.sum(), np.zeros(len(nodes), dtype=bool))

@@ -1,0 +1,313 @@
+"""IMA, the thesis's image matching (chapter 2): slots of a frame found, in order, on a node's panorama."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sensors.images import clahe, crop_centre, cut_views, grey, resize
+from topoloc.errors import UserError
+from topoloc.geometry import Floats, wrap
+from topoloc.thesis import THESIS
+from topoloc.topo_map import Camera, TopoMap
+from topoloc.types import Evidence, Frame, Image, Ints
+
+UNRELATED_MATCH = 0.43
+"""95th percentile of IMA with 8 slots between unrelated pictures: what a map of one node is held against."""
+CALIBRATION_NODES, CALIBRATION_STRIDE = 16, 4
+"""``fit`` matches views of at most so many nodes, and of these every so-manieth direction."""
+
+
+@dataclass(frozen=True)
+class IMAConfig:
+    """Settings of IMA; the first six are the thesis's (4.1.1, 5.2).
+
+    Attributes:
+        scale_columns: columns of a scaled frame; the rows keep the frame's aspect.
+        slots: column regions N_s that a frame is divided into.
+        zoom: digital zoom rho_in; 1 matches without zoom.
+        clahe: filter grey full-size pictures with CLAHE before scaling.
+        clahe_clip_limit: OpenCV's clip limit.
+        clahe_tiles: tiles along each side of a frame.
+        flat_variance: a slot or region whose grey levels vary less has no correlation [grey level^2]. The default is
+            the variance that rounding to whole grey levels alone makes.
+        blind_deviation: a scaled picture whose grey levels deviate less says nothing: a covered lens [grey levels].
+        slope: log-likelihood ratio per unit of match.
+        margin: match above the mean of wrong nodes at which the ratio is 1.
+        sigma_m: how far around a node a match holds [m].
+        kappa: concentration of the heading that the matched column gives.
+        log_floor: log-likelihood ratio that remains far from every node.
+    """
+
+    scale_columns: int = THESIS.scale_columns
+    slots: int = THESIS.slots
+    zoom: float = THESIS.zoom
+    clahe: bool = THESIS.clahe
+    clahe_clip_limit: float = THESIS.clahe_clip_limit
+    clahe_tiles: int = THESIS.clahe_tiles
+    flat_variance: float = 1.0 / 12.0
+    blind_deviation: float = 2.0
+    slope: float = 20.0
+    margin: float = 0.1
+    sigma_m: float = 0.4
+    kappa: float = 20.0
+    log_floor: float = -3.0
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.slots <= self.scale_columns:
+            raise ValueError(f"slots is {self.slots}; it must lie between 1 and scale_columns")
+        if not 1.0 <= self.zoom < 2.0:
+            raise ValueError(f"zoom is {self.zoom}; it must be at least 1 and less than 2")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A reference image I_ref made ready for ``match_slots``.
+
+    Attributes:
+        pixels: (K, rows, columns) grey levels of K references of one size.
+        norms: (K, columns), root of the summed squared deviations of each slot-wide region; 0 where it is flat.
+        circular: the columns close a circle.
+    """
+
+    pixels: Floats
+    norms: Floats
+    circular: bool
+
+
+@dataclass(frozen=True)
+class Matches:
+    """IMA's output for K references.
+
+    Attributes:
+        value: (K,) MAX of Code 2.2, in [0, 1].
+        column: (K,) left edge of the view on the reference, 0-based (COL - 1 of Code 2.2).
+        columns: (K,) columns of the reference that was searched.
+    """
+
+    value: Floats
+    column: Ints
+    columns: Ints
+
+
+def make_reference(pixels: Floats, slot_width: int, flat_variance: float, circular: bool) -> Reference:
+    """Precompute what depends on the references alone.
+
+    Args:
+        pixels: (K, rows, columns).
+        slot_width: columns of a slot.
+        flat_variance: below it a region has no correlation [grey level^2].
+        circular: the columns close a circle.
+    """
+    rows, columns = pixels.shape[1:]
+    starts = columns if circular else columns - slot_width + 1
+    around = np.concatenate([pixels, pixels[:, :, : slot_width - 1]], axis=2) if circular else pixels
+    first, second = (_window_sums(power.sum(axis=1), slot_width) for power in (around, around**2))
+    count = rows * slot_width
+    energy = second - first**2 / count
+    norms = np.zeros((len(pixels), columns))
+    norms[:, :starts] = np.sqrt(np.where(energy < flat_variance * count, 0.0, np.maximum(energy, 0.0)))
+    return Reference(pixels, norms, circular)
+
+
+def _window_sums(columns: Floats, width: int) -> Floats:
+    """Sums over every run of ``width`` columns: (K, N) -> (K, N - width + 1)."""
+    total = np.concatenate([np.zeros((len(columns), 1)), np.cumsum(columns, axis=1)], axis=1)
+    return np.asarray(total[:, width:] - total[:, :-width])
+
+
+def slot_values(frame: Floats, reference: Reference, slots: int, flat_variance: float) -> Floats:
+    """VAL of Code 2.1 for every slot: c* of (A.4) at every column of every reference.
+
+    Args:
+        frame: (rows, columns) grey levels, as high as the references.
+        reference: K references.
+        slots: N_s.
+        flat_variance: below it a slot has no correlation, c* = 0.5.
+
+    Returns:
+        (K, columns, N_s); -inf where a slot would stick out of a reference that is no circle.
+    """
+    rows = frame.shape[0]
+    width = frame.shape[1] // slots
+    template = frame[:, : slots * width].reshape(rows, slots, width)
+    template = template - template.mean(axis=(0, 2), keepdims=True)
+    energy = np.sum(template**2, axis=(0, 2))
+    # Every column of the reference against every column of the frame in one product; a slot's correlation is then
+    # the sum over its columns, each shifted to where the slot begins. The template's mean is 0: (A.3) drops out.
+    products = np.swapaxes(reference.pixels, 1, 2) @ template.reshape(rows, slots * width)
+    products = products.reshape(*products.shape[:2], slots, width)
+    correlation = sum(np.roll(products[..., k], -k, axis=1) for k in range(width))
+    norms = reference.norms[:, :, None] * np.where(energy < flat_variance * rows * width, 0.0, np.sqrt(energy))
+    value = np.full(correlation.shape, 0.5)
+    np.divide(correlation, norms, out=value, where=norms > 0.0)
+    value[norms > 0.0] = (np.clip(value[norms > 0.0], -1.0, 1.0) + 1.0) / 2.0
+    if not reference.circular:
+        value[:, reference.pixels.shape[2] - width + 1 :] = -np.inf
+    return value
+
+
+def match_slots(frame: Floats, reference: Reference, slots: int, flat_variance: float) -> Matches:
+    """IMA: Code 2.1 and 2.2 for K references at once.
+
+    On a circle every index wraps. On a plain image (5.1.5) the slots that stick out add nothing.
+
+    Args:
+        frame: (rows, columns) grey levels; the columns that do not fill a slot are left out.
+        reference: K references as high as the frame.
+        slots: N_s.
+        flat_variance: see ``slot_values``.
+    """
+    width = frame.shape[1] // slots
+    value = slot_values(frame, reference, slots, flat_variance)
+    best = value.argmax(axis=2)  # MATCH_SLOT: the first of equal slots, as ">" in Code 2.1 keeps it
+    kept = np.where(np.arange(slots) == best[..., None], np.maximum(value, 0.0), 0.0)  # MATCH_VAL, by slot
+    total = sum(_shifted(kept[..., n], n * width, reference.circular) for n in range(slots))
+    column = np.asarray(total).argmax(axis=1)
+    value_there = np.take_along_axis(np.asarray(total), column[:, None], axis=1)[:, 0] / slots
+    return Matches(value_there, column, np.full(len(column), reference.pixels.shape[2]))
+
+
+def _shifted(values: Floats, columns: int, circular: bool) -> Floats:
+    """Values (K, N) moved left; what comes in from the right is the other end of the circle, or nothing."""
+    moved = np.roll(values, -columns, axis=1)
+    if not circular and columns:
+        moved[:, -columns:] = 0.0
+    return moved
+
+
+class IMA:
+    """The sensor model of the thesis: IMA against every node's panorama, with digital zoom (2.4.2, 4.1.5).
+
+    Evidence has one hypothesis a node; ``match`` is IMA's own value. How good a match is depends on how alike the
+    nodes of a map look: ``fit`` measures what wrong nodes give, by views cut from each panorama and matched against
+    all the others, and the log-likelihood is linear in the match above that.
+    """
+
+    Config = IMAConfig
+    needs = frozenset({"rgb"})
+
+    def __init__(self, config: IMAConfig | None = None) -> None:
+        self.config = config or IMAConfig()
+
+    def fit(self, topo_map: TopoMap) -> None:
+        """Prepare every panorama, plain and zoomed in, and measure how alike wrong nodes look.
+
+        Raises:
+            UserError: a node has no panorama.
+        """
+        lacking = [node.id for node in topo_map.nodes if node.panorama is None]
+        if lacking:
+            names = ", ".join(lacking[:5])
+            raise UserError(f"map {topo_map.name!r}: ima needs a panorama at every node; add one for {names}")
+        camera = topo_map.camera
+        filtering = self.config.clahe and not topo_map.filtered
+        panoramas = [node.panorama for node in topo_map.nodes if node.panorama is not None]
+        circles = [self._filtered(image, filtering, camera.hfov_deg) for image in panoramas]
+        self._positions = topo_map.positions
+        self._headings = np.array([node.heading for node in topo_map.nodes])
+        self._rows = round(self.config.scale_columns * camera.height / camera.width)
+        columns = camera.panorama_columns(self.config.scale_columns)
+        self._references = [
+            self._reference([_scaled(circle, columns, self._rows, 1.0, zoom) for circle in circles], circular=True)
+            for zoom in self._reference_zooms()
+        ]
+        self.wrong_match = self._match_of_wrong_nodes(circles, camera)
+
+    def observe(self, frame: Frame) -> Evidence:
+        """One hypothesis a node: where and how well the frame matches its panorama; blind for a flat picture."""
+        image = frame.images["rgb"]
+        if _scaled(grey(image), self.config.scale_columns, self._rows).std() < self.config.blind_deviation:
+            return Evidence.blind()
+        return self._evidence(self._best_of_zooms(self._filtered(image, self.config.clahe), self._references))
+
+    def compare(self, image: Image, reference: Image) -> tuple[float, int]:
+        """Match an image against a plain single image of the same camera, no circle (thesis 5.1.1, 5.1.5).
+
+        Args:
+            image: full-size grey or RGB.
+            reference: the same.
+
+        Returns:
+            The match in [0, 1], best of the zooms, and the left edge of the view on the (zoomed) scaled reference.
+        """
+        columns = self.config.scale_columns
+        rows = round(columns * reference.shape[0] / reference.shape[1])
+        kept = self._filtered(reference, self.config.clahe)
+        references = [
+            self._reference([_scaled(kept, columns, rows, 1.0, zoom)], circular=False)
+            for zoom in self._reference_zooms()
+        ]
+        best = self._best_of_zooms(self._filtered(image, self.config.clahe), references)
+        return float(best.value[0]), int(best.column[0])
+
+    def _reference_zooms(self) -> list[float]:
+        """Zooms of the references: 1, and 1 / rho_out of (2.8), which stands for zooming the frame out."""
+        return [1.0] if self.config.zoom == 1.0 else [1.0, 2.0 - 1.0 / self.config.zoom]
+
+    def _filtered(self, image: Image, filtering: bool, hfov_deg: float | None = None) -> Image:
+        """Grey at full size, with CLAHE where asked for; ``hfov_deg`` is given for a full circle."""
+        plain = grey(image)
+        if not filtering:
+            return plain
+        return clahe(plain, self.config.clahe_clip_limit, self.config.clahe_tiles, hfov_deg)
+
+    def _reference(self, pictures: list[Floats], circular: bool) -> Reference:
+        slot_width = self.config.scale_columns // self.config.slots
+        return make_reference(np.stack(pictures), slot_width, self.config.flat_variance, circular)
+
+    def _best_of_zooms(self, picture: Image, references: list[Reference]) -> Matches:
+        """The best of the three combinations of 4.1.5 for each reference, ``picture`` at full size and filtered."""
+        rows, columns = references[0].pixels.shape[1], self.config.scale_columns
+        plain = _scaled(picture, columns, rows)
+        pairs = [(plain, references[0])]
+        if len(references) > 1:
+            zoomed = _scaled(picture, columns, rows, self.config.zoom, self.config.zoom)
+            pairs += [(zoomed, references[0]), (plain, references[1])]
+        found = [match_slots(frame, one, self.config.slots, self.config.flat_variance) for frame, one in pairs]
+        values = np.stack([matches.value for matches in found])
+        best = values.argmax(axis=0)
+        of_each = np.arange(values.shape[1])
+        return Matches(
+            values[best, of_each],
+            np.stack([matches.column for matches in found])[best, of_each],
+            np.stack([matches.columns for matches in found])[best, of_each],
+        )
+
+    def _evidence(self, matches: Matches) -> Evidence:
+        """Heading by (2.2), of the window's middle on the circle that was searched, counter-clockwise."""
+        middle = matches.column + self.config.scale_columns / 2.0
+        heading = wrap(self._headings - middle * 2.0 * np.pi / matches.columns)
+        count = len(matches.value)
+        return Evidence(
+            poses=np.column_stack([self._positions, heading]),
+            nodes=np.arange(count),
+            match=matches.value,
+            distance=1.0 - matches.value,
+            log_likelihoods=self.config.slope * (matches.value - self.wrong_match - self.config.margin),
+            sigma=np.full(count, self.config.sigma_m),
+            kappa=np.full(count, self.config.kappa),
+            log_floor=self.config.log_floor,
+        )
+
+    def _match_of_wrong_nodes(self, circles: list[Image], camera: Camera) -> float:
+        """Mean match of views cut from each node's panorama against all other nodes; few views of many nodes."""
+        if len(circles) == 1:
+            return UNRELATED_MATCH
+        chosen = np.unique(np.linspace(0, len(circles) - 1, min(len(circles), CALIBRATION_NODES)).round().astype(int))
+        wrong = []
+        for own in chosen:
+            for window, _ in cut_views(circles[own], 0.0, camera)[::CALIBRATION_STRIDE]:
+                wrong.append(np.delete(self._best_of_zooms(window, self._references).value, own))
+        return float(np.mean(wrong))
+
+
+def _scaled(picture: Image, columns: int, rows: int, zoom_across: float = 1.0, zoom_along: float = 1.0) -> Floats:
+    """Grey levels (rows, columns * zoom_along / zoom_across) of a grey picture whose outer parts are cropped.
+
+    A frame is zoomed in both ways: cropped to 1 / zoom of its columns and rows, and scaled back to its size. A
+    reference keeps its full width (``zoom_across`` 1): it is cropped in height only and grows wider.
+    """
+    kept = crop_centre(picture, 1.0 / zoom_across, 1.0 / zoom_along)
+    return np.asarray(resize(kept, round(columns * zoom_along / zoom_across), rows), dtype=np.float64)

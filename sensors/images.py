@@ -1,0 +1,92 @@
+"""Pictures made ready for matching: grey, contrast, scale, zoom, and views cut from panoramas."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from topoloc.geometry import Floats, wrap
+from topoloc.topo_map import Camera, TopoMap
+from topoloc.types import Image
+
+VIEW_STEP_DEG = 15.0
+"""Where a map has no training views, one is cut from each panorama every so many degrees."""
+
+
+def grey(image: Image) -> Image:
+    """Grey picture (rows, cols) of an RGB (rows, cols, 3) or grey one."""
+    if image.ndim == 2:
+        return image
+    return _image(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
+
+
+def clahe(image: Image, clip_limit: float, tiles: int, hfov_deg: float | None = None) -> Image:
+    """CLAHE (thesis 2.2.2) on a grey picture at full size.
+
+    Args:
+        image: (rows, cols).
+        clip_limit: OpenCV's.
+        tiles: along each side of a frame.
+        hfov_deg: of a frame, when the picture is a full circle: its tiles then are as large as a frame's, and the
+            circle is filtered without a seam.
+    """
+    if hfov_deg is None:
+        return _image(cv2.createCLAHE(clip_limit, (tiles, tiles)).apply(image))
+    columns = image.shape[1]
+    margin = round(columns * hfov_deg / 360.0)
+    circle = np.concatenate([image[:, -margin:], image, image[:, :margin]], axis=1)
+    across = max(1, round(tiles * circle.shape[1] / margin))
+    filtered = cv2.createCLAHE(clip_limit, (across, tiles)).apply(np.ascontiguousarray(circle))
+    return _image(filtered[:, margin : margin + columns])
+
+
+def resize(image: Image, columns: int, rows: int) -> Image:
+    """Scale by averaging areas, which does not alias."""
+    return _image(cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA))
+
+
+def crop_centre(image: Image, width_share: float, height_share: float) -> Image:
+    """The middle of a picture: these shares of its columns and rows, rounded to whole pixels of equal parity."""
+    rows, columns = image.shape[:2]
+    left = round(columns * (1.0 - width_share) / 2.0)
+    top = round(rows * (1.0 - height_share) / 2.0)
+    return image[top : rows - top, left : columns - left]
+
+
+def views_of(topo_map: TopoMap) -> tuple[Floats, list[Image]]:
+    """The map's training views; where it has none, views cut from its panoramas every ``VIEW_STEP_DEG``.
+
+    A cut is a window of the panorama as it stands (its columns are frames as they are, DESIGN.md), one frame wide.
+
+    Returns:
+        Camera poses (V, 3), heading = optical axis, and the images.
+    """
+    if topo_map.views:
+        return np.array([view.pose for view in topo_map.views]), [view.image for view in topo_map.views]
+    poses, images = [], []
+    for node in topo_map.nodes:
+        if node.panorama is None:
+            continue
+        for image, heading in cut_views(node.panorama, node.heading, topo_map.camera):
+            poses.append((node.x, node.y, heading))
+            images.append(image)
+    return np.array(poses).reshape(-1, 3), images
+
+
+def cut_views(panorama: Image, heading: float, camera: Camera) -> list[tuple[Image, float]]:
+    """Windows of a panorama, one frame wide, every ``VIEW_STEP_DEG``, with the heading of their middle [rad]."""
+    columns = panorama.shape[1]
+    width = round(columns * camera.hfov_deg / 360.0)
+    cuts = []
+    for step in range(round(360.0 / VIEW_STEP_DEG)):
+        left = round(step * VIEW_STEP_DEG / 360.0 * columns)
+        window = panorama[:, np.arange(left, left + width) % columns]
+        axis = heading - (left + width / 2.0) * 2.0 * np.pi / columns
+        cuts.append((_image(np.ascontiguousarray(window)), float(wrap(axis))))
+    return cuts
+
+
+def _image(array: Any) -> Image:
+    return np.asarray(array, dtype=np.uint8)

@@ -1,0 +1,130 @@
+"""Heading by (2.2) from real photographs, and the conventions of panorama columns and mounted cameras."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from oracles.shared_data import CAMERA, RING6_QUERIES, RING6_SNAPSHOTS, placed_panorama, yaws
+
+from sensors.ima import IMA, IMAConfig
+from sensors.images import clahe, cut_views, grey
+from topoloc.errors import UserError
+from topoloc.files import read_image
+from topoloc.geometry import wrap
+from topoloc.topo_map import Camera, Node, TopoMap
+from topoloc.types import Frame
+
+needs_photographs = pytest.mark.skipif(
+    not RING6_QUERIES.is_dir(), reason="the real photographs are not on this machine"
+)
+
+
+def frame_of(image: np.ndarray) -> Frame:
+    return Frame(0.0, None, np.zeros(3), {"rgb": image})
+
+
+def noise_map(nodes: int = 2, heading: float = 0.7) -> TopoMap:
+    rng = np.random.default_rng(1)
+    camera = Camera(40.0, 96, 72)
+    made = []
+    for k in range(nodes):
+        coarse = rng.integers(0, 256, (9, 108)).astype(np.uint8)
+        made.append(Node(f"n{k}", f"node {k}", float(k), 0.0, heading, np.kron(coarse, np.ones((8, 8), np.uint8))))
+    return TopoMap("noise", camera, tuple(made))
+
+
+@needs_photographs
+@pytest.mark.parametrize("filtered", [False, True], ids=["sensor filters the circle", "snapshots filtered before"])
+def test_heading_of_all_queries_within_one_degree(filtered: bool) -> None:
+    """18 of 18 queries against the panorama of the 12 snapshots placed by their true yaws.
+
+    Worst seen 0.5 degrees with the thesis's order of work, filtering the snapshots; 1.0 when the circle is filtered.
+    """
+    panorama, heading = placed_panorama()
+    if filtered:
+        panorama = _placed_filtered(heading)
+    node = Node("ring", "ring", 0.0, 0.0, float(np.deg2rad(heading)), panorama)
+    sensor = IMA()
+    sensor.fit(TopoMap("ring6", CAMERA, (node,), filtered=filtered))
+    truth = yaws(RING6_QUERIES)
+    errors, matches = [], []
+    for name, yaw in truth.items():
+        evidence = sensor.observe(frame_of(read_image(RING6_QUERIES / name)))
+        errors.append(abs(float(np.rad2deg(wrap(evidence.poses[0, 2] - np.deg2rad(yaw))))))
+        matches.append(float(evidence.match[0]))
+    print(f"worst {max(errors):.2f} deg, mean match {np.mean(matches):.3f}")
+    assert len(errors) == 18
+    assert max(errors) < (1.0 if filtered else 1.2)
+    assert np.median(errors) < 0.3
+    assert np.mean(matches) > 0.8
+
+
+def _placed_filtered(heading: float) -> np.ndarray:
+    columns = CAMERA.panorama_columns()
+    panorama = np.zeros((CAMERA.height, columns), dtype=np.uint8)
+    for name, yaw in yaws(RING6_SNAPSHOTS).items():
+        left = round((heading - yaw) / 360.0 * columns - CAMERA.width / 2)
+        snapshot = clahe(grey(read_image(RING6_SNAPSHOTS / name)), 2.0, 8)
+        panorama[:, (left + np.arange(CAMERA.width)) % columns] = snapshot
+    return panorama
+
+
+def test_a_view_cut_from_a_panorama_is_found_with_its_heading() -> None:
+    """Columns run clockwise from node.heading; a column of 648 is 0.56 degrees, and zoom may add half a column."""
+    the_map = noise_map()
+    sensor = IMA()
+    sensor.fit(the_map)
+    for k, node in enumerate(the_map.nodes):
+        assert node.panorama is not None
+        for image, heading in cut_views(node.panorama, node.heading, the_map.camera)[::5]:
+            evidence = sensor.observe(frame_of(image))
+            assert evidence.match.argmax() == k
+            assert abs(float(wrap(evidence.poses[k, 2] - heading))) < np.deg2rad(0.6)
+
+
+def test_heading_of_the_robot_behind_a_turned_camera() -> None:
+    the_map = noise_map(1)
+    sensor = IMA()
+    sensor.fit(the_map)
+    panorama = the_map.nodes[0].panorama
+    assert panorama is not None
+    image, heading = cut_views(panorama, the_map.nodes[0].heading, the_map.camera)[3]
+    of_robot = sensor.observe(frame_of(image)).of_robot((0.1, 0.0, np.pi / 2))
+    assert float(wrap(of_robot.poses[0, 2] - (heading - np.pi / 2))) == pytest.approx(0.0, abs=0.02)
+    assert np.hypot(*of_robot.poses[0, :2]) == pytest.approx(0.1)
+
+
+def test_zoom_finds_a_view_from_nearer_and_from_farther() -> None:
+    """2.4.2: a frame taken 10 % nearer or farther matches better with the three combinations than with one."""
+    node = noise_map(1).nodes[0]
+    assert node.panorama is not None
+    big = np.kron(np.random.default_rng(2).integers(0, 256, (12, 16)), np.ones((24, 24))).astype(np.uint8)
+    reference = big[24:-24, 32:-32]
+    nearer = big[36:-36, 48:-48]
+    with_zoom, without = IMA(IMAConfig(clahe=False)), IMA(IMAConfig(clahe=False, zoom=1.0))
+    for image, other in ((nearer, reference), (reference, nearer)):
+        assert with_zoom.compare(image, other)[0] > without.compare(image, other)[0] + 0.05
+    assert with_zoom.compare(reference, reference)[0] == pytest.approx(1.0)
+
+
+def test_flat_and_covered_frames_are_blind() -> None:
+    the_map = noise_map(1)
+    sensor = IMA()
+    sensor.fit(the_map)
+    rng = np.random.default_rng(0)
+    covered = np.clip(rng.normal(8, 2, (72, 96, 3)), 0, 255).astype(np.uint8)
+    for image in (np.zeros((72, 96, 3), np.uint8), np.full((72, 96), 200, np.uint8), covered):
+        assert sensor.observe(frame_of(image)).is_blind
+
+
+def test_a_map_without_panoramas_is_refused_by_name() -> None:
+    bare = TopoMap("bare", Camera(), (Node("7", "seven", 0.0, 0.0),))
+    with pytest.raises(UserError, match=r"'bare'.*panorama.*7"):
+        IMA().fit(bare)
+
+
+def test_clahe_of_a_circle_has_no_seam() -> None:
+    """Turning the circle before or after the filter gives the same picture, to the rounding of tile borders."""
+    panorama = np.random.default_rng(5).integers(0, 256, (72, 864)).astype(np.uint8)
+    turned = np.roll(clahe(panorama, 2.0, 8, 40.0), 432, axis=1)
+    assert np.abs(turned.astype(int) - clahe(np.roll(panorama, 432, axis=1), 2.0, 8, 40.0)).mean() < 2.0
