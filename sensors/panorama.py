@@ -38,6 +38,12 @@ class PanoramaConfig:
     hfov_deg: float = Camera.hfov_deg
     start_deg: float = 0.0
 
+    def __post_init__(self) -> None:
+        if not 1 <= self.slots <= self.scale_columns:
+            raise ValueError(f"slots is {self.slots}; it must lie between 1 and {self.scale_columns}")
+        if not 0.0 < self.hfov_deg < 180.0:
+            raise ValueError(f"hfov_deg is {self.hfov_deg}; it must lie between 0 and 180")
+
 
 @dataclass(frozen=True)
 class Panorama:
@@ -58,41 +64,44 @@ class Panorama:
     filled: float
 
 
-def reconstruct(
-    snapshots: Sequence[Image],
-    config: PanoramaConfig | None = None,
-    progress: Callable[[int], None] | None = None,
-) -> Panorama:
-    """Align snapshots, taken turning clockwise, one after the other by Code 2.3 and paste them into a circle.
+class ThesisReconstruction:
+    """The published method: IMA with Code 2.3, each snapshot placed where it matches what stands already.
 
-    Each is compared with what stands already, inserted where the match is best, and covers what it overlaps. The
-    search knows neither the step angle nor the odometry, so on real photographs it drifts wherever the exposure
+    The search knows neither the step angle nor the odometry, so on real photographs it drifts wherever the exposure
     changes between neighbours.
-
-    Args:
-        snapshots: RGB or grey, of one size, in the order they were taken.
-        config: settings; the thesis's by default.
-        progress: called with the number of snapshots done.
-
-    Raises:
-        UserError: no snapshots, or snapshots of different sizes.
     """
-    chosen = config or PanoramaConfig()
-    _check(snapshots)
-    rows, columns = snapshots[0].shape[:2]
-    camera = Camera(chosen.hfov_deg, columns, rows)
-    pictures = [_filtered(snapshot, chosen) for snapshot in snapshots]
-    small_rows = round(chosen.scale_columns * rows / columns)
-    canvas = _Canvas.empty(small_rows, camera.panorama_columns(chosen.scale_columns))
-    lefts = []
-    for done, picture in enumerate(pictures, start=1):
-        small = resize(grey(picture), chosen.scale_columns, small_rows).astype(np.float64)
-        left = best_column(small, canvas, chosen.slots)
-        canvas.insert(small, left)
-        lefts.append(left)
-        if progress is not None:
-            progress(done)
-    return _paste(pictures, np.array(lefts), canvas, camera, chosen.start_deg)
+
+    Config = PanoramaConfig
+
+    def __init__(self, config: PanoramaConfig | None = None) -> None:
+        self.config = config or PanoramaConfig()
+
+    def reconstruct(self, snapshots: Sequence[Image], progress: Callable[[int], None] | None = None) -> Panorama:
+        """Align snapshots one after the other and paste them into a circle; each covers what it overlaps.
+
+        Args:
+            snapshots: RGB or grey, of one size, in the order they were taken, turning clockwise.
+            progress: called with the number of snapshots done.
+
+        Raises:
+            UserError: no snapshots, or snapshots of different sizes.
+        """
+        _check(snapshots)
+        rows, columns = snapshots[0].shape[:2]
+        scale = self.config.scale_columns
+        camera = Camera(self.config.hfov_deg, columns, rows)
+        pictures = [_filtered(snapshot, self.config) for snapshot in snapshots]
+        small_rows = round(scale * rows / columns)
+        canvas = _Canvas.empty(small_rows, camera.panorama_columns(scale))
+        lefts = []
+        for done, picture in enumerate(pictures, start=1):
+            small = resize(grey(picture), scale, small_rows).astype(np.float64)
+            left = best_column(small, canvas, self.config.slots)
+            canvas.insert(small, left)
+            lefts.append(left)
+            if progress is not None:
+                progress(done)
+        return _paste(pictures, np.array(lefts), canvas, camera, self.config.start_deg)
 
 
 @dataclass

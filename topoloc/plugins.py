@@ -55,9 +55,11 @@ def make_estimator(name: str, settings: Mapping[str, Any] | None = None) -> Esti
     return estimator
 
 
-def options(group: str, name: str) -> dict[str, Any]:
-    """Name and default of each setting of the class of that name."""
-    config = load(group, name).Config
+def options(thing: Any) -> dict[str, Any]:
+    """Name and default of each setting of a class, or of a function that takes its settings as ``config``."""
+    config = getattr(thing, "Config", None)
+    if config is None:
+        return {}
     defaults = {}
     for item in fields(config):
         defaults[item.name] = item.default_factory() if item.default_factory is not MISSING else item.default

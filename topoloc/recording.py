@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +83,7 @@ class Recording:
         mount: pose of the camera on the robot without pan.
         odometry, truth: raw odometer and ground truth, where recorded.
         pan: times and angles of the pan head, as a track whose heading is the pan.
+        expected: camera whose aspect ratio the ``rgb`` pictures must have; None: any.
     """
 
     folder: Path
@@ -93,6 +94,7 @@ class Recording:
     odometry: Track | None = None
     truth: Track | None = None
     pan: Track | None = None
+    expected: Camera | None = None
 
     @classmethod
     def load(cls, folder: Path | str) -> Recording:
@@ -123,6 +125,20 @@ class Recording:
             pan=_read_pan(path / "pan.txt"),
         )
 
+    def on(self, camera: Camera) -> Recording:
+        """The same recording, held against the camera of a map.
+
+        Raises:
+            InputError: ``camera.toml`` tells another field of view; later, a picture of another aspect ratio.
+        """
+        if self.camera is not None and abs(self.camera.hfov_deg - camera.hfov_deg) > 0.02 * camera.hfov_deg:
+            raise InputError(
+                self.folder / "camera.toml",
+                f"hfov_deg is {self.camera.hfov_deg:g}, but the map was made with {camera.hfov_deg:g}",
+                "correct it, or use a map made with this camera",
+            )
+        return replace(self, expected=camera)
+
     def __len__(self) -> int:
         return len(self.pictures[self.kind])
 
@@ -141,10 +157,23 @@ class Recording:
         pan = 0.0 if self.pan is None else float(self.pan.at(time)[2])
         mount = np.array([self.mount.x, self.mount.y, float(wrap(np.deg2rad(self.mount.yaw_deg) + pan))])
         odometry = None if self.odometry is None else self.odometry.at(time)
-        return Frame(time, odometry, mount, LazyImages({kind: self._reader(one) for kind, one in chosen.items()}))
+        return Frame(time, odometry, mount, LazyImages({kind: self._reader(one, kind) for kind, one in chosen.items()}))
 
-    def _reader(self, picture: Picture) -> Callable[[], Image]:
-        return lambda: read_image(picture.path)
+    def _reader(self, picture: Picture, kind: str) -> Callable[[], Image]:
+        def read() -> Image:
+            image = read_image(picture.path)
+            if kind == "rgb" and self.expected is not None and not self.expected.fits(image):
+                rows, columns = image.shape[:2]
+                problem = f"{picture.path.name} is {columns}x{rows}, but the map's camera has"
+                raise InputError(
+                    self.folder / f"{kind}.txt",
+                    f"{problem} {self.expected.width}x{self.expected.height}, another aspect ratio",
+                    "crop the pictures, or correct [camera] in the map's map.toml",
+                    line=picture.line,
+                )
+            return image
+
+        return read
 
 
 def write_track(path: Path, times: Sequence[float], poses: Floats) -> None:

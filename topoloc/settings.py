@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from topoloc.errors import InputError, UserError
 from topoloc.files import read_text
@@ -56,6 +56,10 @@ def _convert(value: Any, kind: Any, where: str) -> Any:
         if str(value).lower() in ("true", "false"):
             return str(value).lower() == "true"
         raise UserError(f"{where} is {value!r}; write true or false")
+    if is_dataclass(kind) and isinstance(kind, type):
+        if not isinstance(value, Mapping):
+            raise UserError(f"{where} is {value!r}; it is a table of settings: name one of them")
+        return build(kind, value, where)
     if kind in (int, float):
         try:
             number = float(value)
@@ -66,7 +70,27 @@ def _convert(value: Any, kind: Any, where: str) -> Any:
         return kind(number)
     if kind is str and not isinstance(value, str):
         raise UserError(f"{where} is {value!r}; write a text in quotes")
-    return tuple(value) if isinstance(value, list) else value
+    if get_origin(kind) is tuple:
+        items = [word for word in value.split(",") if word] if isinstance(value, str) else value
+        return tuple(_convert(item, get_args(kind)[0], where) for item in items)
+    return value
+
+
+def parse_words(words: Sequence[str]) -> dict[str, Any]:
+    """``key=value`` words from the command line as a table; ``a.b=1`` goes into the table ``a``."""
+    table: dict[str, Any] = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or not key:
+            raise UserError(f"{word!r} is no setting; write it as key=value")
+        *path, last = key.split(".")
+        inner = table
+        for name in path:
+            inner = inner.setdefault(name, {})
+            if not isinstance(inner, dict):
+                raise UserError(f"{word!r}: {name!r} was given a value of its own already; give it once")
+        inner[last] = value
+    return table
 
 
 def as_table(settings: Any) -> dict[str, Any]:

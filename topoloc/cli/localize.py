@@ -1,0 +1,140 @@
+"""``topoloc localize``: run one sensor and one estimator over a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from topoloc.localizer import Step
+    from topoloc.metrics import Run
+    from topoloc.recording import Recording
+    from topoloc.topo_map import TopoMap
+
+STEP_COLUMNS = ("timestamp", "x", "y", "heading_deg", "node", "probability", "status", "match", "kind")
+
+
+def localize(
+    topo_map: Annotated[Path, Parameter(name="map", help="Map folder.")],
+    recording: Annotated[Path, Parameter(help="Recording folder, TUM RGB-D layout.")],
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder to make.")],
+    sensor: Annotated[str, Parameter(help="See 'topoloc list sensors'.")] = "ima",
+    estimator: Annotated[str, Parameter(help="See 'topoloc list estimators'.")] = "activity",
+    seed: Annotated[int, Parameter(help="Of the estimator's random numbers.")] = 0,
+    overwrite: Annotated[bool, Parameter(help="Replace the files of an earlier run.", negative="")] = False,
+) -> None:
+    """Localize a recorded drive on a map.
+
+    Writes ``trajectory.txt`` (TUM), ``steps.csv`` (a row per frame), ``plan.png`` and, where the recording has ground
+    truth, ``metrics.json``.
+
+    Example: ``topoloc localize lab/map lab/recording -o run --sensor ima --estimator activity``
+    """
+    from topoloc import plugins
+    from topoloc.cli.progress import track
+    from topoloc.files import refuse_to_overwrite
+    from topoloc.localizer import Localizer
+    from topoloc.recording import Recording
+    from topoloc.topo_map import TopoMap
+
+    refuse_to_overwrite(output, overwrite)
+    the_map = TopoMap.load(topo_map)
+    drive = Recording.load(recording).on(the_map.camera)
+    localizer = Localizer(the_map, plugins.make_sensor(sensor), plugins.make_estimator(estimator), rng=seed)
+    steps = []
+    for picture in track(drive.pictures[drive.kind], "localizing"):
+        localizer.step(drive.frame(picture))
+        assert localizer.last is not None
+        steps.append(localizer.last)
+    _refuse_darkness(drive, steps)
+    _write(output, overwrite, the_map, drive, steps, f"{sensor} with {estimator}")
+
+
+def _refuse_darkness(drive: Recording, steps: Sequence[Step]) -> None:
+    """A recording of which not one picture can be read is a mistake, not a blind robot."""
+    from topoloc.errors import InputError
+
+    looks = [step for step in steps if step.kind != "gated"]
+    if all(step.kind == "unreadable" for step in looks):
+        listed = drive.folder / f"{drive.kind}.txt"
+        raise InputError(listed, f"none of its pictures can be used: {looks[0].problem}", "correct the paths")
+
+
+def _write(
+    output: Path, overwrite: bool, the_map: TopoMap, drive: Recording, steps: Sequence[Step], title: str
+) -> None:
+    """Write the results, whole or not at all, and say what they are."""
+    import json
+
+    import numpy as np
+
+    from topoloc.files import new_folder, write_bytes, write_csv, write_text
+    from topoloc.metrics import Run, evaluate
+    from topoloc.plan import as_png, dead_reckoning, draw_plan
+    from topoloc.recording import write_track
+
+    poses = np.array([step.estimate.pose for step in steps])
+    times = [step.timestamp for step in steps]
+    run: Run | None = None
+    truth = odometry = None
+    if drive.truth is not None:
+        truth = np.array([drive.truth.at(time) for time in times])
+        run = Run.of(the_map, steps, truth)
+    if drive.odometry is not None:
+        raw = np.array([drive.odometry.at(time) for time in times])
+        odometry = dead_reckoning(raw, poses[0] if truth is None else truth[0])
+    with new_folder(output, overwrite) as folder:
+        write_track(folder / "trajectory.txt", times, poses)
+        write_csv(folder / "steps.csv", STEP_COLUMNS, [_row(the_map, step) for step in steps])
+        wrong = [] if run is None else [int(i) for i in run.updates[~run.right]]
+        write_bytes(folder / "plan.png", as_png(draw_plan(the_map, poses, truth, odometry, wrong, title)))
+        if run is not None:
+            write_text(folder / "metrics.json", json.dumps(evaluate(run), indent=2) + "\n")
+    _report(output, steps, run)
+
+
+def _row(the_map: TopoMap, step: Step) -> tuple[str, ...]:
+    import numpy as np
+
+    estimate = step.estimate
+    x, y, theta = estimate.pose
+    return (
+        f"{step.timestamp:.6f}",
+        f"{x:.4f}",
+        f"{y:.4f}",
+        f"{np.rad2deg(theta):.2f}",
+        "" if estimate.node is None else the_map.nodes[estimate.node].id,
+        f"{estimate.probability:.4f}",
+        estimate.status.value,
+        "" if step.match is None else f"{step.match:.4f}",
+        step.kind,
+    )
+
+
+def _report(output: Path, steps: Sequence[Step], run: Run | None) -> None:
+    """Print what came of it: how many frames of each kind, how good, what could not be read."""
+    from collections import Counter
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from topoloc.metrics import METRICS
+
+    kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(Counter(step.kind for step in steps).items()))
+    console = Console()
+    if run is not None:
+        table = Table("metric", "value", "unit", title=f"{len(steps)} frames: {kinds}")
+        for metric in METRICS:
+            value = metric.value(run)
+            table.add_row(metric.name, "" if value is None else f"{value:.3f}", metric.unit)
+        console.print(table)
+    else:
+        print(f"{len(steps)} frames: {kinds}")
+    unreadable = [step.problem for step in steps if step.kind == "unreadable"]
+    if unreadable:
+        print(f"warning: {len(unreadable)} frames counted as blind, the first because {unreadable[0]}")
+    print(f"{output}: trajectory.txt, steps.csv, plan.png" + (", metrics.json" if run is not None else ""))

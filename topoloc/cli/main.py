@@ -1,0 +1,63 @@
+"""The one error boundary: commands come from entry points; a user's mistake is one line and exit code 2."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from topoloc import __version__
+from topoloc.errors import UserError
+from topoloc.plugins import COMMANDS, load, names
+
+EXIT_USER_ERROR, EXIT_DEFECT, EXIT_INTERRUPTED = 2, 70, 130
+
+
+def build_app() -> App:
+    """The command line with every command that is installed."""
+    app = App(
+        name="topoloc",
+        help="Where a robot with one camera and wheel odometry is on a topological map.",
+        version=__version__,
+    )
+    for name in names(COMMANDS):
+        app.command(load(COMMANDS, name), name=name)
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit: 0 done, 1 findings of ``check``, 2 a user's mistake, 70 a defect of ours."""
+    sys.exit(run(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def run(arguments: list[str]) -> int:
+    """Run the command line; returns the exit code."""
+    try:
+        result = build_app()(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    except CycloptsError as error:
+        return _complain(f"{_one_line(str(error))} See 'topoloc --help'.")
+    except UserError as error:
+        return _complain(_one_line(str(error)))
+    except BrokenPipeError:  # the reader of a pipe has gone, as after "| head"
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        print("topoloc: stopped", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    except Exception:
+        traceback.print_exc()
+        print("topoloc: this is a defect of topoloc, not of your data; please report the lines above", file=sys.stderr)
+        return EXIT_DEFECT
+    return result if isinstance(result, int) else 0
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _complain(text: str) -> int:
+    print(f"topoloc: {text}", file=sys.stderr)
+    return EXIT_USER_ERROR

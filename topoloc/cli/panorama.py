@@ -1,0 +1,65 @@
+"""``topoloc panorama``: a panorama from a folder of snapshots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+PICTURE_ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm")
+
+
+def panorama(
+    snapshots: Annotated[Path, Parameter(help="Folder of snapshots, in file order, turning clockwise.")],
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Picture to write; FILE.csv goes beside it.")],
+    method: Annotated[str, Parameter(help="See 'topoloc list panoramas'.")] = "thesis",
+    slots: Annotated[int, Parameter(help="Slots of IMA.")] = 15,
+    clahe: Annotated[bool, Parameter(help="Filter the snapshots; the panorama then is grey.")] = True,
+    hfov_deg: Annotated[float, Parameter(help="Horizontal field of view of a snapshot, degrees.")] = 40.0,
+    start_deg: Annotated[float, Parameter(help="Heading of the first snapshot, degrees counter-clockwise.")] = 0.0,
+    overwrite: Annotated[bool, Parameter(help="Replace the output if it exists.", negative="")] = False,
+) -> None:
+    """Make a panorama from a folder of snapshots taken on one spot, turning clockwise.
+
+    Writes the picture and, beside it, FILE.csv: the left column and the heading of each snapshot.
+
+    Example: ``topoloc panorama snapshots/ -o lab.png --hfov-deg 40``
+    """
+    import numpy as np
+    from rich.console import Console
+
+    from topoloc import plugins
+    from topoloc.errors import InputError
+    from topoloc.files import read_image, refuse_to_overwrite, write_csv, write_image
+
+    if not snapshots.is_dir():
+        raise InputError(snapshots, "no such folder", "name a folder of pictures")
+    files = sorted(path for path in snapshots.iterdir() if path.suffix.lower() in PICTURE_ENDINGS)
+    if len(files) < 2:
+        raise InputError(snapshots, f"holds {len(files)} pictures", "a panorama needs two or more that overlap")
+    table = output.with_suffix(".csv")
+    refuse_to_overwrite(output, overwrite)
+    refuse_to_overwrite(table, overwrite)
+    settings = {"slots": slots, "clahe": clahe, "hfov_deg": hfov_deg, "start_deg": start_deg}
+    maker = plugins.make(plugins.PANORAMAS, method, settings)
+    console = Console(stderr=True)
+    with console.status("aligning snapshots") as status:
+        made = maker.reconstruct(
+            [read_image(path) for path in files],
+            lambda done: status.update(f"aligning snapshots: {done} of {len(files)}"),
+        )
+    write_image(output, made.image)
+    degrees = np.rad2deg(made.headings)
+    rows = [(f.name, int(c), f"{d:.3f}") for f, c, d in zip(files, made.columns, degrees, strict=True)]
+    write_csv(table, ("file", "column", "heading_deg"), rows)
+    height, width = made.image.shape[:2]
+    print(f"{output}: {width} x {height} from {len(files)} snapshots, heading {np.rad2deg(made.heading):.2f} degrees")
+    print(f"{table}: column and heading of each snapshot")
+    if made.filled < 1.0:
+        gap = (1.0 - made.filled) * 360.0
+        print(
+            f"warning: {gap:.0f} degrees of the circle stay empty: the snapshots do not close it, or method {method!r} "
+            f"placed some wrongly; look at the picture",
+        )

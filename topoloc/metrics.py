@@ -1,0 +1,317 @@
+"""How good a run was: a table of metrics, one entry a column of ``results.csv``.
+
+All of them look at updates only: frames whose motion gate opened, blind ones included. Between updates the estimate
+merely rides on the odometry, and a robot that stands still would count the same success many times.
+A metric that has no value for a run (no update, no kidnapping, never localized) gives None, which is written as an
+empty cell: never 0, which would be a result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from topoloc.geometry import Floats, wrap
+from topoloc.localizer import Step
+from topoloc.topo_map import TopoMap
+from topoloc.types import Estimate, Ints, Status
+
+Bools = NDArray[np.bool_]
+Better = Literal["higher", "lower", "near 3", "neither"]
+
+RIGHT_WITHIN_M = 0.25
+"""The named node is right if it is at most this much farther from the true position than the nearest one [m]."""
+ADJACENT_WITHIN_M = 1.0
+"""A node that is not right is adjacent if it lies within this of the true one [m], or if an edge joins the two."""
+PRECISION = 0.99
+"""Of the answers that ``recall_at_p99`` counts, at least this share is right."""
+CALIBRATION_BINS = 10
+"""Bins of equal width on [0, 1] in which ``calibration_error`` compares probability and success."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one sensor and one estimator made of one recording, beside the truth.
+
+    Attributes:
+        topo_map: the map.
+        estimates: one per frame.
+        kinds: of each frame's step, as in ``topoloc.localizer.Step``: ``update``, ``blind``, ``unreadable``, ``gated``.
+        truth: (N, 3) true poses of the robot.
+        kidnapped_at: indices of the first frames after the robot was carried elsewhere.
+    """
+
+    topo_map: TopoMap
+    estimates: tuple[Estimate, ...]
+    kinds: tuple[str, ...]
+    truth: Floats
+    kidnapped_at: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not len(self.estimates) == len(self.kinds) == len(self.truth):
+            raise ValueError(
+                f"a run needs as many estimates ({len(self.estimates)}) as kinds ({len(self.kinds)}) "
+                f"and true poses ({len(self.truth)})"
+            )
+
+    @classmethod
+    def of(cls, topo_map: TopoMap, steps: Sequence[Step], truth: Floats, kidnapped_at: Sequence[int] = ()) -> Run:
+        """The record of a localizer's steps."""
+        estimates, kinds = tuple(step.estimate for step in steps), tuple(step.kind for step in steps)
+        return cls(topo_map, estimates, kinds, np.asarray(truth, dtype=np.float64), tuple(kidnapped_at))
+
+    @cached_property
+    def updates(self) -> Ints:
+        """(U,) indices of the frames whose gate opened."""
+        return np.flatnonzero(np.array(self.kinds) != "gated")
+
+    @cached_property
+    def nodes(self) -> Ints:
+        """(U,) named nodes; -1 where none was named."""
+        return np.array([-1 if e.node is None else e.node for e in self._updated], dtype=np.int64)
+
+    @cached_property
+    def probabilities(self) -> Floats:
+        """(U,) probabilities that the named node is right."""
+        return np.array([e.probability for e in self._updated], dtype=np.float64)
+
+    @cached_property
+    def errors(self) -> Floats:
+        """(U, 3) estimated minus true pose, the heading wrapped."""
+        poses = np.array([e.pose for e in self._updated], dtype=np.float64).reshape(-1, 3)
+        difference = poses - self.truth[self.updates]
+        return np.column_stack([difference[:, :2], wrap(difference[:, 2])])
+
+    @cached_property
+    def covariances(self) -> Floats:
+        """(U, 3, 3) covariances that the estimator claims."""
+        return np.array([e.covariance for e in self._updated], dtype=np.float64).reshape(-1, 3, 3)
+
+    @cached_property
+    def true_nodes(self) -> Ints:
+        """(U,) nodes nearest to the true positions."""
+        return self.topo_map.nearest_node(self.truth[self.updates][:, :2])
+
+    @cached_property
+    def right(self) -> Bools:
+        """(U,) whether the named node is right (``RIGHT_WITHIN_M``); naming none is not."""
+        positions = self.truth[self.updates][:, :2]
+        distance = np.linalg.norm(positions - self.topo_map.positions[self.nodes], axis=1)
+        slack = RIGHT_WITHIN_M + 1e-9  # exactly 0.25 m is right, whatever the rounding
+        return np.asarray((self.nodes >= 0) & (distance <= self.topo_map.distance_to_nearest(positions) + slack))
+
+    @cached_property
+    def adjacent(self) -> Bools:
+        """(U,) whether the named node is not right, but next to the true one (``ADJACENT_WITHIN_M``)."""
+        place = self.topo_map.positions
+        near = np.linalg.norm(place[self.nodes] - place[self.true_nodes], axis=1) <= ADJACENT_WITHIN_M + 1e-9
+        joined = [self.topo_map.adjacent(int(a), int(b)) for a, b in zip(self.nodes, self.true_nodes, strict=True)]
+        return np.asarray((self.nodes >= 0) & ~self.right & (near | np.array(joined, dtype=bool)))
+
+    def with_status(self, status: Status) -> Bools:
+        """(U,) whether the estimate had this status."""
+        return np.array([e.status is status for e in self._updated], dtype=bool)
+
+    @cached_property
+    def _updated(self) -> list[Estimate]:
+        return [self.estimates[i] for i in self.updates]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One column of ``results.csv``.
+
+    Attributes:
+        name: of the column.
+        unit: of the value; empty for a share or a pure number.
+        definition: what it says, in one sentence.
+        better: which way is better.
+        value: computes it; None where it is undefined.
+    """
+
+    name: str
+    unit: str
+    definition: str
+    better: Better
+    value: Callable[[Run], float | None]
+
+
+def _mean(values: Bools | Floats) -> float | None:
+    return float(np.mean(values)) if len(values) else None
+
+
+def _median(values: Floats) -> float | None:
+    return float(np.median(values)) if len(values) else None
+
+
+def _steps(run: Run) -> float | None:
+    return float(len(run.updates))
+
+
+def _node_accuracy(run: Run) -> float | None:
+    return _mean(run.right)
+
+
+def _strict_accuracy(run: Run) -> float | None:
+    return _mean(run.nodes == run.true_nodes)
+
+
+def _adjacent_rate(run: Run) -> float | None:
+    return _mean(run.adjacent)
+
+
+def _wrong_rate(run: Run) -> float | None:
+    return _mean(~(run.right | run.adjacent))
+
+
+def _position_median(run: Run) -> float | None:
+    return _median(np.linalg.norm(run.errors[:, :2], axis=1))
+
+
+def _position_rmse(run: Run) -> float | None:
+    square = _mean(np.sum(run.errors[:, :2] ** 2, axis=1))
+    return None if square is None else float(np.sqrt(square))
+
+
+def _heading_median(run: Run) -> float | None:
+    return _median(np.rad2deg(np.abs(run.errors[:, 2])))
+
+
+def _first(hits: Bools) -> int | None:
+    """1-based place of the first hit, or None."""
+    return int(np.argmax(hits)) + 1 if hits.any() else None
+
+
+def _steps_to_localize(run: Run) -> float | None:
+    return _first(run.right & run.with_status(Status.LOCALIZED))
+
+
+def _recall_at_p99(run: Run) -> float | None:
+    """Answers are given from a threshold on the probability upwards; equal probabilities are answered together."""
+    if not len(run.updates):
+        return None
+    named = run.nodes >= 0
+    probability, right = run.probabilities[named], run.right[named]
+    order = np.argsort(-probability, kind="stable")
+    correct = np.cumsum(right[order])
+    answered = np.arange(1, len(order) + 1)
+    last_of_its_kind = np.append(np.diff(probability[order]) != 0.0, True)[: len(order)]
+    allowed = last_of_its_kind & (correct >= PRECISION * answered - 1e-9)
+    return float(correct[allowed].max(initial=0)) / len(run.updates)
+
+
+def _recovery_steps(run: Run) -> float | None:
+    """One kidnapping that the run never recovers from leaves the whole run without a value."""
+    counts = []
+    ends = [*run.kidnapped_at[1:], len(run.kinds)]
+    for start, end in zip(run.kidnapped_at, ends, strict=False):
+        counts.append(_first(run.right[(run.updates >= start) & (run.updates < end)]))
+    known = [count for count in counts if count is not None]
+    return float(np.mean(known)) if counts and len(known) == len(counts) else None
+
+
+def _lost_rate(run: Run) -> float | None:
+    return _mean(run.with_status(Status.LOST))
+
+
+def _calibration_error(run: Run) -> float | None:
+    named = run.nodes >= 0
+    probability, right = run.probabilities[named], run.right[named]
+    if not len(probability):
+        return None
+    bins = np.minimum((probability * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
+    claimed = np.bincount(bins, weights=probability, minlength=CALIBRATION_BINS)
+    achieved = np.bincount(bins, weights=right.astype(float), minlength=CALIBRATION_BINS)
+    return float(np.abs(claimed - achieved).sum() / len(probability))
+
+
+def _nees(run: Run) -> float | None:
+    """A covariance that is singular to rounding (a bare point, a known heading) cannot be inverted: left out."""
+    eigenvalues = np.linalg.eigvalsh(run.covariances)
+    usable = eigenvalues[:, 0] > 1e-12
+    if not usable.any():
+        return None
+    errors, covariances = run.errors[usable], run.covariances[usable]
+    weighted = np.linalg.solve(covariances, errors[:, :, None])[:, :, 0]
+    return _mean(np.sum(errors * weighted, axis=1))
+
+
+METRICS: tuple[Metric, ...] = (
+    Metric("steps", "", "updates: frames whose motion gate opened; all else is counted over them", "neither", _steps),
+    Metric(
+        "node_accuracy",
+        "",
+        "share of updates whose named node is at most 0.25 m farther from the true position than the nearest node",
+        "higher",
+        _node_accuracy,
+    ),
+    Metric(
+        "strict_accuracy",
+        "",
+        "share of updates that name the very node nearest to the truth",
+        "higher",
+        _strict_accuracy,
+    ),
+    Metric(
+        "adjacent_rate",
+        "",
+        "share of updates whose named node is not right, but within 1 m or one edge of the node nearest to the truth",
+        "lower",
+        _adjacent_rate,
+    ),
+    Metric("wrong_rate", "", "share of updates that name a node farther away than that, or none", "lower", _wrong_rate),
+    Metric("position_median_m", "m", "median distance from estimated to true position", "lower", _position_median),
+    Metric("position_rmse_m", "m", "root mean square of that distance", "lower", _position_rmse),
+    Metric("heading_median_deg", "deg", "median absolute error of the heading", "lower", _heading_median),
+    Metric(
+        "steps_to_localize",
+        "updates",
+        "updates up to the first that is LOCALIZED and right; 1 is the first one, empty if there is none",
+        "lower",
+        _steps_to_localize,
+    ),
+    Metric(
+        "recall_at_p99",
+        "",
+        "largest share of updates answered rightly when only answers above some probability count and 99 % of these "
+        "must be right",
+        "higher",
+        _recall_at_p99,
+    ),
+    Metric(
+        "recovery_steps",
+        "updates",
+        "updates after a kidnapping up to the first right one, mean over kidnappings; empty without a kidnapping, or "
+        "if one was never recovered from",
+        "lower",
+        _recovery_steps,
+    ),
+    Metric("lost_rate", "", "share of updates with status LOST", "lower", _lost_rate),
+    Metric(
+        "calibration_error",
+        "",
+        "expected calibration error: mean gap between stated probability and share of right nodes, in 10 bins, over "
+        "the updates that name a node",
+        "lower",
+        _calibration_error,
+    ),
+    Metric(
+        "nees",
+        "",
+        "mean normalized squared error of the pose, over updates with an invertible covariance; 3 for an honest "
+        "covariance, more for a boastful one",
+        "near 3",
+        _nees,
+    ),
+)
+"""Every metric, in the order of the columns of ``results.csv``."""
+
+
+def evaluate(run: Run) -> dict[str, float | None]:
+    """All metrics of a run, by name."""
+    return {metric.name: metric.value(run) for metric in METRICS}

@@ -1,0 +1,70 @@
+"""The plan of a map, seen from above: nodes, edges, and the paths of a run."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from topoloc.geometry import Floats, between, compose
+from topoloc.topo_map import TopoMap
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TRUTH, ESTIMATE, ODOMETRY, WRONG = "#000000", "#0072B2", "#999999", "#D55E00"
+"""Colours that colour-blind readers tell apart (Okabe and Ito)."""
+
+
+def dead_reckoning(odometry: Floats, start: Floats) -> Floats:
+    """Raw odometer poses (N, 3) moved so that the first one is at ``start`` (3,), map frame."""
+    return compose(start, between(odometry[0], odometry))
+
+
+def draw_plan(
+    topo_map: TopoMap,
+    estimates: Floats,
+    truth: Floats | None = None,
+    odometry: Floats | None = None,
+    wrong: Sequence[int] = (),
+    title: str = "",
+) -> Figure:
+    """Draw a run.
+
+    Args:
+        topo_map: nodes and edges.
+        estimates: (N, 3) poses, map frame.
+        truth: (N, 3), where known.
+        odometry: (N, 3) dead reckoning in the map frame, where known.
+        wrong: indices of estimates that named a wrong node.
+        title: above the plan.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 6.0), layout="constrained")
+    axes = figure.add_subplot()
+    for a, b in np.asarray(topo_map.edges):
+        axes.plot(*topo_map.positions[[a, b]].T, color="#DDDDDD", zorder=1)
+    if odometry is not None:
+        axes.plot(*odometry[:, :2].T, color=ODOMETRY, linewidth=1.0, linestyle=":", label="dead reckoning", zorder=2)
+    if truth is not None:
+        axes.plot(*truth[:, :2].T, color=TRUTH, linewidth=1.0, label="truth", zorder=3)
+    axes.plot(*estimates[:, :2].T, color=ESTIMATE, linewidth=0.6, marker="o", markersize=3, label="estimate", zorder=4)
+    if len(wrong):
+        chosen = estimates[np.asarray(wrong), :2]
+        axes.plot(*chosen.T, color=WRONG, linestyle="", marker="x", markersize=7, label="wrong node", zorder=5)
+    axes.plot(*topo_map.positions.T, linestyle="", marker="s", markersize=13, color="#F0E442", zorder=2)
+    for node in topo_map.nodes:
+        axes.annotate(node.id, (node.x, node.y), ha="center", va="center", fontsize=8, zorder=6)
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=title)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
+    return figure
+
+
+def as_png(figure: Figure) -> bytes:
+    """The figure as the bytes of a PNG file."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return buffer.getvalue()
