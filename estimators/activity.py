@@ -11,8 +11,14 @@ from topoloc.thesis import THESIS
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Ints, Motion, WeightedPoses
 
+PLACE_SD_M, HEADING_SD_DEG = 0.3, 8.0
+"""A topological position is an area, not a point (3.7): the robot drives some 30 cm off the node (5.2.3), and the
+heading that IMA gives there errs by about so much."""
 UNKNOWN_HEADINGS = np.deg2rad([-180.0, -90.0, 0.0, 90.0])
 """A hypothesis without a heading stands in the belief four times, so that its mean heading is nowhere."""
+
+
+NODE_SPREAD = np.array([PLACE_SD_M, PLACE_SD_M, np.deg2rad(HEADING_SD_DEG)]) ** 2
 
 
 @dataclass(frozen=True)
@@ -161,7 +167,7 @@ class ActivityTracker:
         poses = np.column_stack([positions[rows], np.concatenate([headings[known], fill])])
         share = np.where(known[rows], 1.0, 1.0 / len(UNKNOWN_HEADINGS))
         with np.errstate(divide="ignore"):  # an activity may have underflowed to zero
-            return WeightedPoses(poses, np.log(origins.activity[rows] * share))
+            return WeightedPoses(poses, np.log(origins.activity[rows] * share), NODE_SPREAD)
 
     def _supposed_node(self) -> int | None:
         """d0: the node nearest to o* plus the odometry displacement; None before the first win."""

@@ -15,6 +15,10 @@ from topoloc.topo_map import TopoMap
 from topoloc.types import Estimate, Evidence, Frame, Motion, WeightedPoses
 
 
+SURPRISE = -20.0
+"""A log evidence below this counts as this: one impossible look must not be remembered for ever."""
+
+
 @dataclass(frozen=True)
 class Step:
     """What happened at one frame.
@@ -107,8 +111,8 @@ class Localizer:
 
     def _remember(self, log_evidence: float | None) -> None:
         if log_evidence is not None:
-            share = self.rule.evidence_memory
-            self._log_evidence = share * self._log_evidence + (1.0 - share) * log_evidence
+            share, news = self.rule.evidence_memory, max(log_evidence, SURPRISE)
+            self._log_evidence = share * self._log_evidence + (1.0 - share) * news
 
 
 def look(sensor: Sensor, frame: Frame) -> tuple[Evidence, str]:

@@ -33,6 +33,9 @@ PRECISION = 0.99
 CALIBRATION_BINS = 10
 """Bins of equal width on [0, 1] in which ``calibration_error`` compares probability and success."""
 
+SMALLEST_VARIANCE = 1e-6
+"""A covariance with less than this in some direction (1 mm, 1 mrad) counts as singular [m^2, rad^2]."""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -231,9 +234,9 @@ def _calibration_error(run: Run) -> float | None:
 
 
 def _nees(run: Run) -> float | None:
-    """A covariance that is singular to rounding (a bare point, a known heading) cannot be inverted: left out."""
+    """A belief of a few bare points has no spread in some direction: nothing to hold its error against."""
     eigenvalues = np.linalg.eigvalsh(run.covariances)
-    usable = eigenvalues[:, 0] > 1e-12
+    usable = eigenvalues[:, 0] > SMALLEST_VARIANCE
     if not usable.any():
         return None
     errors, covariances = run.errors[usable], run.covariances[usable]
@@ -303,8 +306,8 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "nees",
         "",
-        "mean normalized squared error of the pose, over updates with an invertible covariance; 3 for an honest "
-        "covariance, more for a boastful one",
+        "mean normalized squared error of the pose, over updates whose covariance is not singular (1 mm, 1 mrad); 3 for "
+        "an honest covariance, more for a boastful one",
         "near 3",
         _nees,
     ),

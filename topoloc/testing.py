@@ -21,7 +21,7 @@ _CALM = Motion(np.array([0.5, 0.0, 0.1]), np.diag([0.01, 0.01, 0.004]))
 
 def toy_map(columns: int = 3, rows: int = 2) -> TopoMap:
     """A grid of nodes one metre apart, without pictures."""
-    nodes = [Node(f"{x}{y}", f"node {x}{y}", float(x), float(y)) for x in range(columns) for y in range(rows)]
+    nodes = [Node(f"{x}-{y}", f"node {x}-{y}", float(x), float(y)) for x in range(columns) for y in range(rows)]
     return TopoMap("toy", Camera(), tuple(nodes))
 
 

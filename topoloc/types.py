@@ -143,8 +143,14 @@ class Evidence:
         object.__setattr__(self, "nodes", nodes)
         for name in ("match", "distance", "log_likelihoods", "sigma", "kappa"):
             object.__setattr__(self, name, _frozen(getattr(self, name), (count,), name))
-        if not np.isfinite(self.poses).all() or np.isnan(self.log_likelihoods).any():
-            raise ValueError("evidence must have finite poses and no NaN")
+        if not np.isfinite(self.poses).all():
+            raise ValueError("evidence must have finite poses")
+        if not (self.log_likelihoods < np.inf).all() or not self.log_floor < np.inf:
+            raise ValueError("a log-likelihood must be a number below infinity")
+        if not (np.isfinite(self.sigma) & (self.sigma > 0.0)).all():
+            raise ValueError("sigma must be positive and finite")
+        if not (np.isfinite(self.kappa) & (self.kappa >= 0.0)).all():
+            raise ValueError("kappa must be finite and not negative")
 
     @classmethod
     def blind(cls) -> Evidence:
@@ -201,28 +207,31 @@ class Evidence:
         shape = (len(place), heading.shape[1])
         if self.is_blind:
             return np.zeros(shape)
-        offset = place[:, None, :] - self.poses[None, :, :2]
-        log_position = self.log_likelihoods - np.sum(offset**2, axis=2) / (2.0 * self.sigma**2)  # (P, M)
+        squared = (place[:, :1] - self.poses[:, 0]) ** 2 + (place[:, 1:] - self.poses[:, 1]) ** 2
+        log_position = self.log_likelihoods - squared / (2.0 * self.sigma**2)  # (P, M)
         turned = np.cos(heading[:, :, None] - self.poses[:, 2])  # (P or 1, H, M)
         log_heading = self.kappa * (turned - 1.0) - np.log(i0e(self.kappa))
         peak = max(float(self.log_likelihoods.max()), self.log_floor)
+        peak = peak if np.isfinite(peak) else 0.0  # a likelihood of zero everywhere
         mixture = np.exp(log_position - peak)[:, None, :] @ np.swapaxes(np.exp(log_heading), 1, 2)
         with np.errstate(divide="ignore"):  # a floor of zero far from every hypothesis: log 0 is meant
             return np.asarray(peak + np.log(np.exp(self.log_floor - peak) + mixture[:, 0, :]).reshape(shape))
 
     @property
     def log_mass(self) -> float:
-        """Log of the mixture (without the floor) integrated over the plane, heading averaged [m^2]."""
+        """Log of the mixture (without the floor) integrated over the plane, heading averaged [m^2]; -inf if empty."""
+        if self.is_blind:
+            return -np.inf
         return float(logsumexp(self.log_likelihoods + np.log(2.0 * np.pi * self.sigma**2)))
 
     def sample(self, n: int, rng: np.random.Generator) -> Floats:
         """Draw n poses (n, 3) from the mixture, the floor left out; for recovery.
 
         Raises:
-            ValueError: the frame is blind, so there is nothing to draw from.
+            ValueError: there is nothing to draw from: ``log_mass`` is -inf, as for a blind frame.
         """
-        if self.is_blind:
-            raise ValueError("a blind frame has no hypotheses to sample from; ask is_blind first")
+        if not np.isfinite(self.log_mass):
+            raise ValueError("there is no hypothesis of any weight to sample from; look at log_mass first")
         log_weights = self.log_likelihoods + 2.0 * np.log(self.sigma)
         weights = np.exp(log_weights - logsumexp(log_weights))
         chosen = rng.choice(len(weights), size=n, p=weights / weights.sum())

@@ -117,6 +117,7 @@ def _row(the_map: TopoMap, step: Step) -> tuple[str, ...]:
 
 def _report(output: Path, steps: Sequence[Step], run: Run | None) -> None:
     """Print what came of it: how many frames of each kind, how good, what could not be read."""
+    import sys
     from collections import Counter
 
     from rich.console import Console
@@ -136,5 +137,5 @@ def _report(output: Path, steps: Sequence[Step], run: Run | None) -> None:
         print(f"{len(steps)} frames: {kinds}")
     unreadable = [step.problem for step in steps if step.kind == "unreadable"]
     if unreadable:
-        print(f"warning: {len(unreadable)} frames counted as blind, the first because {unreadable[0]}")
+        print(f"warning: {len(unreadable)} frames counted as blind, the first because {unreadable[0]}", file=sys.stderr)
     print(f"{output}: trajectory.txt, steps.csv, plan.png" + (", metrics.json" if run is not None else ""))

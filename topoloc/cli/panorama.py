@@ -27,6 +27,8 @@ def panorama(
 
     Example: ``topoloc panorama snapshots/ -o lab.png --hfov-deg 40``
     """
+    import sys
+
     import numpy as np
     from rich.console import Console
 
@@ -62,4 +64,5 @@ def panorama(
         print(
             f"warning: {gap:.0f} degrees of the circle stay empty: the snapshots do not close it, or method {method!r} "
             f"placed some wrongly; look at the picture",
+            file=sys.stderr,
         )

@@ -1,0 +1,61 @@
+# Everything runs in its own virtual environment, with pinned versions; nothing needs activating.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+# One BLAS thread a process: the runner and the tests are parallel already.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: help bench bench-quick test test-slow lint pictures constraints clean
+
+help:
+	@echo "make bench        set up, then compare sensors and estimators in the simulated laboratory (about a minute)"
+	@echo "make bench-quick  the same with one seed and fewer steps"
+	@echo "make test         set up, then run the tests"
+	@echo "make test-slow    the tests that take longer"
+	@echo "make lint         ruff, mypy and the import contract"
+	@echo "make pictures     draw the pictures of the README again"
+	@echo "make constraints  write constraints.txt anew from the newest versions"
+
+$(VENV)/.installed: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(v < (3, 11) and "topoloc needs Python 3.11 or newer, this is %d.%d; try: make PYTHON=python3.11 ..." % v)'
+	@echo "setting up $(VENV) (once; a minute or two)"
+	@$(PYTHON) -m venv $(VENV)
+	@$(PIP) install -c constraints.txt -e .
+	@touch $@
+
+$(VENV)/.installed-dev: $(VENV)/.installed
+	@$(PIP) install -c constraints.txt -e ".[dev]"
+	@touch $@
+
+bench: $(VENV)/.installed
+	@$(BIN)/topoloc bench
+
+bench-quick: $(VENV)/.installed
+	@$(BIN)/topoloc bench --quick
+
+test: $(VENV)/.installed-dev
+	@$(BIN)/python -m pytest -n auto -m "not slow"
+
+test-slow: $(VENV)/.installed-dev
+	@$(BIN)/python -m pytest -n auto -m slow
+
+lint: $(VENV)/.installed-dev
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+
+pictures: $(VENV)/.installed
+	@$(BIN)/python -m benchmarks.pictures
+
+constraints:
+	@rm -rf $(VENV)-newest && $(PYTHON) -m venv $(VENV)-newest
+	@$(VENV)-newest/bin/python -m pip --quiet install -e ".[dev]"
+	@( echo "# Names and versions that the project is tested with; 'make constraints' writes this."; \
+	   $(VENV)-newest/bin/python -m pip freeze --exclude-editable ) > constraints.txt
+	@rm -rf $(VENV)-newest
+
+clean:
+	@rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis runs

@@ -1,0 +1,190 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from estimators.particle import FreeArea, ParticleFilter, covariance_root, sample_motion, sample_poses
+from estimators.resampling import RESAMPLERS
+from topoloc.estimate import mean_and_covariance, node_masses
+from topoloc.geometry import between
+from topoloc.testing import evidence_for, toy_map
+from topoloc.types import Evidence, Motion, WeightedPoses
+
+STILL = Motion(np.zeros(3), np.diag([4e-4, 4e-4, 1e-4]))
+SINGULAR = np.outer([0.1, -0.05, 0.02], [0.1, -0.05, 0.02])
+FULL = SINGULAR + np.diag([0.01, 0.002, 0.003])
+
+
+def filter_on(prior: WeightedPoses | None = None, seed: int = 0, **settings: Any) -> ParticleFilter:
+    particles = ParticleFilter(ParticleFilter.Config(**settings))
+    particles.reset(toy_map(), np.random.default_rng(seed), prior)
+    return particles
+
+
+@pytest.mark.parametrize("covariance", [FULL, SINGULAR, np.zeros((3, 3))])
+def test_motion_samples_have_the_motions_moments(covariance: np.ndarray) -> None:
+    start, delta = np.array([1.0, -2.0, 2.5]), np.array([0.4, 0.1, 1.2])
+    moved = sample_motion(np.tile(start, (40_000, 1)), Motion(delta, covariance), np.random.default_rng(1))
+    mean, sampled = mean_and_covariance(between(start, moved), np.ones(len(moved)), np.zeros(3))
+    # 5 standard errors: sd / 200 for the mean, var sqrt(2) / 200 for the covariance
+    np.testing.assert_allclose(mean, delta, atol=5 * 0.15 / 200)
+    np.testing.assert_allclose(sampled, covariance, atol=5 * 0.02 * np.sqrt(2.0) / 200)
+
+
+@pytest.mark.parametrize("covariance", [FULL, SINGULAR, np.zeros((3, 3))])
+def test_covariance_root(covariance: np.ndarray) -> None:
+    root = covariance_root(covariance)
+    np.testing.assert_allclose(root @ root.T, covariance, atol=1e-15)
+
+
+def test_poses_are_drawn_by_weight_and_spread() -> None:
+    two = WeightedPoses([[0.0, 0.0, 3.1], [5.0, 0.0, 0.0]], np.log([0.25, 0.75]), [0.04, 0.01, 0.09])
+    drawn = sample_poses(two, 20_000, np.random.default_rng(2))
+    first = drawn[drawn[:, 0] < 2.5]
+    assert len(first) == 5000
+    mean, covariance = mean_and_covariance(first, np.ones(len(first)), np.zeros(3))
+    np.testing.assert_allclose(mean, [0.0, 0.0, 3.1], atol=0.02)
+    np.testing.assert_allclose(np.diag(covariance), [0.04, 0.01, 0.09], rtol=0.1)
+    assert (np.abs(drawn[:, 2]) <= np.pi).all()
+
+
+def test_free_area_is_the_grids() -> None:
+    xs, ys, free = toy_map().free_cells(0.25, 0.75)
+    area = FreeArea.of(toy_map(), 0.25, 0.75)
+    centres = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+    assert np.array_equal(area.contains(centres), free.ravel())
+    assert area.size == pytest.approx(free.sum() / 16.0)
+    assert not area.contains(np.array([[-5.0, 0.0], [1e300, 0.0], [0.0, 2.0]])).any()
+    drawn = area.sample(20_000, np.random.default_rng(3))
+    assert area.contains(drawn[:, :2]).all()
+    inside = (np.abs(drawn[:, :2] - [0.5, 0.5]) < 0.25).all(axis=1).mean()
+    assert inside == pytest.approx(0.25 / area.size, abs=5 * np.sqrt(0.25 / area.size / 20_000))
+
+
+def test_log_evidence_and_posterior_are_those_of_the_mixed_prior() -> None:
+    # prior' = 0.98 a tight Gaussian + 0.02 even over the free area, integrated over fine cells
+    the_map, prior = toy_map(), WeightedPoses.uniform([[0.0, 0.0, 0.0]], [0.01, 0.01, 0.02])
+    evidence = evidence_for(the_map, (2.0, 1.0, 1.0))
+    xs, ys, _ = the_map.free_cells(0.05, 0.75)
+    coarse = FreeArea.of(the_map, 0.25, 0.75)
+    place = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+    place = place[coarse.contains(place)]
+    heading = np.linspace(-np.pi, np.pi, 72, endpoint=False)
+    likelihood = np.exp(evidence.log_likelihood(place, heading[None]))
+    tight = np.exp(-((place**2).sum(axis=1) / 0.02)[:, None] - heading**2 / 0.04)
+    joint = (0.98 * tight / tight.sum() + 0.02 / likelihood.size) * likelihood
+    masses = np.bincount(the_map.nearest_node(place), weights=joint.sum(axis=1)) / joint.sum()
+
+    particles = filter_on(prior, particles=40_000, recovery=0.02)
+    assert particles.update(evidence) == pytest.approx(np.log(joint.sum()), abs=0.1)
+    assert 0.2 < masses[5] < 0.95  # both parts of the prior matter
+    assert np.abs(node_masses(particles.belief, the_map) - masses).max() < 0.03
+
+
+def test_evidence_outside_the_free_area_recovers_nothing() -> None:
+    particles = filter_on(recovery=0.5)
+    good = evidence_for(toy_map(), (0.0, 0.0, 0.0), log_floor=-4.0)
+    far = replace(good, poses=good.poses + np.array([100.0, 0.0, 0.0]))
+    assert particles.update(far) == pytest.approx(np.log(0.5) - 4.0)
+    assert (particles.belief.poses[particles.belief.weights > 0.0, 0] < 10.0).all()
+
+
+def test_impossible_evidence_leaves_the_belief_as_predicted() -> None:
+    particles = filter_on()
+    before, good = particles.belief, evidence_for(toy_map(), (0.0, 0.0, 0.0), log_floor=-np.inf)
+    assert particles.update(replace(good, poses=good.poses + np.array([1e4, 0.0, 0.0]))) == -np.inf
+    assert np.array_equal(particles.belief.poses, before.poses)
+    assert np.array_equal(particles.belief.log_weights, before.log_weights)
+
+
+def test_hypotheses_of_likelihood_zero_leave_the_floor() -> None:
+    good = evidence_for(toy_map(), (0.0, 0.0, 0.0), log_floor=-4.0)
+    assert filter_on().update(replace(good, log_likelihoods=np.full(6, -np.inf))) == pytest.approx(-4.0)
+
+
+def test_particles_that_leave_the_free_area_have_no_weight() -> None:
+    two = WeightedPoses([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], np.log([0.3, 0.7]))
+    particles = filter_on(two)
+    particles.predict(Motion([1.5, 0.0, 0.0], np.zeros((3, 3))))
+    belief = particles.belief
+    assert (belief.poses[belief.weights > 0.0, 0] < 2.0).all()
+    assert belief.weights.sum() == pytest.approx(1.0)
+
+
+def test_where_all_particles_have_left_they_are_kept() -> None:
+    particles = filter_on()
+    before = particles.belief.weights
+    particles.predict(Motion([100.0, 0.0, 0.0], np.zeros((3, 3))))
+    np.testing.assert_allclose(particles.belief.weights, before)
+
+
+def test_dead_particles_make_room_first() -> None:
+    # one particle in a thousand is inside: it must outlive the drawing of seats for recovered ones, whatever the seed
+    for seed in range(20):
+        edge = WeightedPoses([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]], np.log([0.999, 0.001]))
+        particles = filter_on(edge, seed, ess_threshold=0.0, recovery=0.02)
+        particles.predict(Motion([1.5, 0.0, 0.0], np.zeros((3, 3))))
+        assert particles.update(evidence_for(toy_map(), (0.0, 0.0, 0.0), log_floor=-4.0)) is not None
+        survivors = particles.belief.poses[particles.belief.weights > 0.0]
+        assert (np.abs(survivors - [1.5, 0.0, 0.0]).max(axis=1) < 1e-9).any()
+
+
+def test_resampling_waits_until_few_particles_carry_the_weight() -> None:
+    sharp = evidence_for(toy_map(), (0.0, 0.0, 0.0))
+    always, never = filter_on(ess_threshold=1.0), filter_on(ess_threshold=0.0)
+    always.update(sharp)
+    never.update(sharp)
+    assert np.ptp(always.belief.log_weights) == 0.0
+    assert np.ptp(never.belief.log_weights) > 1.0
+
+
+@pytest.mark.parametrize("name", RESAMPLERS)
+def test_every_resampler_localizes(name: str) -> None:
+    particles = filter_on(resampling=name)
+    for _ in range(3):
+        particles.predict(STILL)
+        particles.update(evidence_for(toy_map(), (1.0, 1.0, 0.5)))
+    assert np.argmax(node_masses(particles.belief, toy_map())) == 3
+
+
+def test_blind_frame_changes_nothing() -> None:
+    particles = filter_on()
+    before = particles.belief
+    assert particles.update(Evidence.blind()) is None
+    assert np.array_equal(particles.belief.poses, before.poses)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_kidnapped_robot_is_found_within_three_updates(seed: int) -> None:
+    the_map, particles = toy_map(), filter_on(seed=seed)
+    for place in [(0.0, 0.0, 0.5)] * 8 + [(2.0, 1.0, -2.0)] * 3:
+        particles.predict(STILL)
+        particles.update(evidence_for(the_map, place))
+    # ten recovered particles stand for the whole recovered part, so the mass scatters by a few hundredths
+    assert node_masses(particles.belief, the_map)[5] > 0.8
+
+
+def test_without_recovery_a_kidnapped_robot_stays_lost() -> None:
+    the_map, particles = toy_map(), filter_on(recovery=0.0)
+    for place in [(0.0, 0.0, 0.5)] * 8 + [(2.0, 1.0, -2.0)] * 3:
+        particles.predict(STILL)
+        particles.update(evidence_for(the_map, place))
+    assert node_masses(particles.belief, the_map)[5] < 0.1
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"particles": 1},
+        {"resampling": "lottery"},
+        {"ess_threshold": 2.0},
+        {"recovery": -0.1},
+        {"resolution_m": 0.0},
+    ],
+)
+def test_settings_that_cannot_work_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"must|use one of: systematic"):
+        ParticleFilter.Config(**wrong)
