@@ -27,7 +27,7 @@ class ColorHistogramConfig:
         smoothing: share of a uniform histogram mixed in, so that an empty bin does not forbid anything.
         neighbours: views that become hypotheses.
         blind_deviation: a picture whose grey levels deviate less says nothing: a covered lens [grey levels].
-        slope: log-likelihood ratio per unit of match.
+        slope: log-likelihood ratio per unit of match; this and the next from ``benchmarks/calibration.py``.
         margin: match above 0.5 at which the ratio is 1.
         sigma_m: how far around a view a match holds [m].
         kappa: concentration of the heading around a view's.
@@ -38,10 +38,10 @@ class ColorHistogramConfig:
     smoothing: float = 0.05
     neighbours: int = 10
     blind_deviation: float = 6.0
-    slope: float = 10.0
-    margin: float = 0.0
+    slope: float = 4.4
+    margin: float = -0.308
     sigma_m: float = 0.6
-    kappa: float = 8.0
+    kappa: float = 20.0
     log_floor: float = -1.5
 
     def __post_init__(self) -> None:
@@ -54,6 +54,7 @@ class ColorHistogram:
 
     Config = ColorHistogramConfig
     needs = frozenset({"rgb"})
+    base_match = 0.5
 
     def __init__(self, config: ColorHistogramConfig | None = None) -> None:
         self.config = config or ColorHistogramConfig()
@@ -81,7 +82,7 @@ class ColorHistogram:
         distance = jeffrey(self._signature(image), self._signatures)
         nearest = np.argsort(distance, kind="stable")[: self.config.neighbours]
         match = match_of(distance[nearest], self._wrong)
-        ratio = self.config.slope * (match - 0.5 - self.config.margin)
+        ratio = self.config.slope * (match - self.base_match - self.config.margin)
         count = len(nearest)
         return Evidence(
             poses=self._poses[nearest],

@@ -33,7 +33,7 @@ class IMAConfig:
         flat_variance: a slot or region whose grey levels vary less has no correlation [grey level^2]. The default is
             the variance that rounding to whole grey levels alone makes.
         blind_deviation: a scaled picture whose grey levels deviate less says nothing: a covered lens [grey levels].
-        slope: log-likelihood ratio per unit of match.
+        slope: log-likelihood ratio per unit of match; this and the next from ``benchmarks/calibration.py``.
         margin: match above the mean of wrong nodes at which the ratio is 1.
         sigma_m: how far around a node a match holds [m].
         kappa: concentration of the heading that the matched column gives.
@@ -48,10 +48,10 @@ class IMAConfig:
     clahe_tiles: int = THESIS.clahe_tiles
     flat_variance: float = 1.0 / 12.0
     blind_deviation: float = 2.0
-    slope: float = 20.0
-    margin: float = 0.1
+    slope: float = 13.6
+    margin: float = 0.069
     sigma_m: float = 0.4
-    kappa: float = 20.0
+    kappa: float = 50.0
     log_floor: float = -3.0
 
     def __post_init__(self) -> None:
@@ -213,7 +213,7 @@ class IMA:
             self._reference([_scaled(circle, columns, self._rows, 1.0, zoom) for circle in circles], circular=True)
             for zoom in self._reference_zooms()
         ]
-        self.wrong_match = self._match_of_wrong_nodes(circles, camera)
+        self.base_match = self._match_of_wrong_nodes(circles, camera)
 
     def observe(self, frame: Frame) -> Evidence:
         """One hypothesis a node: where and how well the frame matches its panorama; blind for a flat picture."""
@@ -285,7 +285,7 @@ class IMA:
             nodes=np.arange(count),
             match=matches.value,
             distance=1.0 - matches.value,
-            log_likelihoods=self.config.slope * (matches.value - self.wrong_match - self.config.margin),
+            log_likelihoods=self.config.slope * (matches.value - self.base_match - self.config.margin),
             sigma=np.full(count, self.config.sigma_m),
             kappa=np.full(count, self.config.kappa),
             log_floor=self.config.log_floor,

@@ -14,7 +14,6 @@ from topoloc.odometry import MotionGate, OdometryNoise
 from topoloc.topo_map import TopoMap
 from topoloc.types import Estimate, Evidence, Frame, Motion, WeightedPoses
 
-
 SURPRISE = -20.0
 """A log evidence below this counts as this: one impossible look must not be remembered for ever."""
 

@@ -12,6 +12,7 @@ from topoloc.geometry import Floats, between, compose
 from topoloc.topo_map import TopoMap
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 TRUTH, ESTIMATE, ODOMETRY, WRONG = "#000000", "#0072B2", "#999999", "#D55E00"
@@ -31,36 +32,49 @@ def draw_plan(
     wrong: Sequence[int] = (),
     title: str = "",
 ) -> Figure:
-    """Draw a run.
+    """Draw a run; the arguments are those of ``draw_paths``, and a title above the plan."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 5.0), layout="constrained")
+    axes = figure.add_subplot()
+    draw_paths(axes, topo_map, estimates, truth, odometry, wrong)
+    axes.set_title(title)
+    return figure
+
+
+def draw_paths(
+    axes: Axes,
+    topo_map: TopoMap,
+    estimates: Floats,
+    truth: Floats | None = None,
+    odometry: Floats | None = None,
+    wrong: Sequence[int] = (),
+) -> None:
+    """Draw a run into axes.
 
     Args:
+        axes: to draw into.
         topo_map: nodes and edges.
         estimates: (N, 3) poses, map frame.
         truth: (N, 3), where known.
         odometry: (N, 3) dead reckoning in the map frame, where known.
         wrong: indices of estimates that named a wrong node.
-        title: above the plan.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 6.0), layout="constrained")
-    axes = figure.add_subplot()
     for a, b in np.asarray(topo_map.edges):
         axes.plot(*topo_map.positions[[a, b]].T, color="#DDDDDD", zorder=1)
+    axes.plot(*topo_map.positions.T, linestyle="", marker="s", markersize=13, color="#F0E442", zorder=2)
     if odometry is not None:
-        axes.plot(*odometry[:, :2].T, color=ODOMETRY, linewidth=1.0, linestyle=":", label="dead reckoning", zorder=2)
+        axes.plot(*odometry[:, :2].T, color=ODOMETRY, linewidth=1.2, linestyle=":", label="dead reckoning", zorder=3)
     if truth is not None:
-        axes.plot(*truth[:, :2].T, color=TRUTH, linewidth=1.0, label="truth", zorder=3)
-    axes.plot(*estimates[:, :2].T, color=ESTIMATE, linewidth=0.6, marker="o", markersize=3, label="estimate", zorder=4)
+        axes.plot(*truth[:, :2].T, color=TRUTH, linewidth=1.0, label="truth", zorder=4)
+    axes.plot(*estimates[:, :2].T, color=ESTIMATE, linewidth=0.6, marker="o", markersize=3, label="estimate", zorder=5)
     if len(wrong):
         chosen = estimates[np.asarray(wrong), :2]
-        axes.plot(*chosen.T, color=WRONG, linestyle="", marker="x", markersize=7, label="wrong node", zorder=5)
-    axes.plot(*topo_map.positions.T, linestyle="", marker="s", markersize=13, color="#F0E442", zorder=2)
+        axes.plot(*chosen.T, color=WRONG, linestyle="", marker="x", markersize=7, label="wrong node", zorder=6)
     for node in topo_map.nodes:
-        axes.annotate(node.id, (node.x, node.y), ha="center", va="center", fontsize=8, zorder=6)
-    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=title)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
-    return figure
+        axes.annotate(node.id, (node.x, node.y), ha="center", va="center", fontsize=8, zorder=7)
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    axes.legend(fontsize=8, framealpha=0.8)
 
 
 def as_png(figure: Figure) -> bytes:

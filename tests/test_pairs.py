@@ -1,0 +1,101 @@
+"""Every sensor with every estimator, over the registry, in the simulated laboratory; and the contract of each."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from benchmarks.worlds import LabSettings, Simulation, simulate
+from topoloc import plugins
+from topoloc.estimate import estimate_from
+from topoloc.localizer import Localizer
+from topoloc.metrics import Run, evaluate
+from topoloc.testing import check_estimator, check_sensor
+from topoloc.types import Evidence, Frame
+
+SENSORS, ESTIMATORS = plugins.names(plugins.SENSORS), plugins.names(plugins.ESTIMATORS)
+UPDATES = 25
+
+
+@cache
+def drive() -> Simulation:
+    return simulate(LabSettings(updates=UPDATES, covered=(8,)), seed=5)
+
+
+class Remembering:
+    """A sensor that looks at each frame once, so that the pairs share what it saw."""
+
+    def __init__(self, name: str) -> None:
+        self._sensor = plugins.make_sensor(name)
+        self._sensor.fit(drive().topo_map)
+        self._seen: dict[float, Evidence] = {}
+
+    @property
+    def needs(self) -> frozenset[str]:
+        return self._sensor.needs
+
+    def fit(self, topo_map: object) -> None:
+        assert topo_map is drive().topo_map
+
+    def observe(self, frame: Frame) -> Evidence:
+        if frame.timestamp not in self._seen:
+            self._seen[frame.timestamp] = self._sensor.observe(frame)
+        return self._seen[frame.timestamp]
+
+
+@cache
+def shared(name: str) -> Remembering:
+    return Remembering(name)
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_every_sensor_with_every_estimator(sensor: str, estimator: str) -> None:
+    localizer = Localizer(drive().topo_map, shared(sensor), plugins.make_estimator(estimator), rng=1)
+    steps = []
+    for frame in drive().frames:
+        estimate = localizer.step(frame)
+        assert np.isfinite(estimate.pose).all()
+        assert np.linalg.eigvalsh(estimate.covariance).min() >= -1e-9
+        assert 0.0 <= estimate.probability <= 1.0
+        assert localizer.last is not None
+        assert estimate is localizer.last.estimate
+        steps.append(localizer.last)
+    assert steps[8].kind == "blind"
+    assert {step.kind for step in steps} == {"update", "blind"}
+    found = evaluate(Run.of(drive().topo_map, steps, drive().truth))
+    if estimator != "dead-reckoning":  # which never recovers from a wrong start, so that nothing can be asked of it
+        assert found["node_accuracy"] > 2.0 / len(drive().topo_map.nodes), "no better than guessing"
+    if sensor == "ima" and estimator in ("activity", "grid", "particle"):
+        assert found["node_accuracy"] > 0.7
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_estimators_keep_their_contract(name: str) -> None:
+    check_estimator(lambda: plugins.make_estimator(name))
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_sensors_keep_their_contract(name: str) -> None:
+    check_sensor(plugins.make_sensor(name), drive().topo_map, drive().frames[:3])
+
+
+def test_the_same_seed_gives_the_same_run() -> None:
+    traces = []
+    for _ in range(2):
+        localizer = Localizer(drive().topo_map, shared("ima"), plugins.make_estimator("particle"), rng=3)
+        traces.append([localizer.step(frame).pose for frame in drive().frames])
+    np.testing.assert_array_equal(*traces)
+
+
+def test_grid_and_particles_say_the_same_of_a_real_sensor() -> None:
+    """Two ways to hold one posterior: the same leading node nearly always."""
+    nodes = []
+    for name in ("grid", "particle"):
+        localizer = Localizer(drive().topo_map, shared("ima"), plugins.make_estimator(name), rng=2)
+        for frame in drive().frames:
+            localizer.step(frame)
+        nodes.append(estimate_from(localizer.estimator.belief, drive().topo_map).node)
+    assert nodes[0] == nodes[1]
