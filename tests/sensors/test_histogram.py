@@ -1,0 +1,116 @@
+"""The colour histogram and the calibration that it shares with other view sensors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sensors.calibration import log_density, match_of, wrong_distance
+from sensors.histogram import ColorHistogram, ColorHistogramConfig, jeffrey
+from sensors.images import cut_views, views_of
+from topoloc.errors import UserError
+from topoloc.geometry import wrap
+from topoloc.topo_map import Camera, Node, TopoMap, View
+from topoloc.types import Frame
+
+CAMERA = Camera(40.0, 48, 36)
+
+
+def coloured_map(nodes: int = 3) -> TopoMap:
+    """Panoramas whose colour turns with the direction and differs from node to node."""
+    made = []
+    for k in range(nodes):
+        rng = np.random.default_rng(k)
+        base = rng.integers(0, 256, (6, 18, 3)).astype(np.uint8)
+        panorama = base.repeat(6, axis=0).repeat(24, axis=1)
+        made.append(Node(f"n{k}", f"n{k}", float(k), 0.0, 0.3, panorama))
+    return TopoMap("coloured", CAMERA, tuple(made))
+
+
+def frame_of(image: np.ndarray) -> Frame:
+    return Frame(0.0, None, np.zeros(3), {"rgb": image})
+
+
+def test_a_view_of_the_map_is_recognized_with_place_and_heading() -> None:
+    the_map = coloured_map()
+    sensor = ColorHistogram()
+    sensor.fit(the_map)
+    poses, images = views_of(the_map)
+    for i in range(0, len(images), 7):
+        evidence = sensor.observe(frame_of(images[i]))
+        assert evidence.match[0] == pytest.approx(1.0)
+        np.testing.assert_allclose(evidence.poses[0], poses[i])
+        assert len(evidence.poses) == ColorHistogramConfig().neighbours
+        assert (np.diff(evidence.match) <= 0).all()
+
+
+def test_views_are_cut_every_fifteen_degrees_with_their_optical_axes() -> None:
+    the_map = coloured_map(1)
+    node = the_map.nodes[0]
+    assert node.panorama is not None
+    cuts = cut_views(node.panorama, node.heading, CAMERA)
+    assert len(cuts) == 24
+    np.testing.assert_allclose(np.rad2deg(wrap(np.diff([axis for _, axis in cuts]))), -15.0)
+    assert cuts[0][1] == pytest.approx(0.3 - np.deg2rad(20.0))
+    np.testing.assert_array_equal(cuts[1][0], node.panorama[:, 18:66])
+
+
+def test_training_views_of_the_map_come_first() -> None:
+    the_map = coloured_map(1)
+    view = View(np.array([1.0, 2.0, 0.5]), np.zeros((36, 48, 3), np.uint8))
+    poses, images = views_of(TopoMap("v", CAMERA, the_map.nodes, views=(view,)))
+    np.testing.assert_array_equal(poses, [view.pose])
+    assert len(images) == 1
+
+
+def test_half_is_what_95_percent_of_wrong_places_stay_below() -> None:
+    rng = np.random.default_rng(0)
+    distances, nodes = rng.uniform(1.0, 2.0, (40, 40)), np.repeat(np.arange(40), 1)
+    wrong = wrong_distance(distances, nodes)
+    others = distances[~np.eye(40, dtype=bool)]
+    assert np.mean(match_of(others, wrong) < 0.5) == pytest.approx(0.95, abs=0.01)
+    assert match_of(np.zeros(1), wrong)[0] == 1.0
+
+
+@given(st.lists(st.floats(0.0, 50.0), min_size=2, max_size=9))
+def test_match_falls_with_the_distance(distances: list[float]) -> None:
+    match = match_of(np.sort(distances), 1.3)
+    assert (np.diff(match) <= 0).all()
+    assert ((match >= 0.0) & (match <= 1.0)).all()
+
+
+def test_a_corner_photographed_twice_counts_once() -> None:
+    """EQUATIONS.md, 4: the density of the views is taken out, so that copies change nothing of their sum."""
+    rng = np.random.default_rng(1)
+    poses = np.column_stack([rng.uniform(0, 4, (20, 2)), rng.uniform(-3, 3, 20)])
+    twice = np.concatenate([poses, poses])
+    once, doubled = log_density(poses, 0.5, 8.0), log_density(twice, 0.5, 8.0)
+    np.testing.assert_allclose(doubled, np.concatenate([once, once]), atol=1e-12)
+    part = np.concatenate([poses, poses[:1]])
+    change = np.exp(-log_density(part, 0.5, 8.0))
+    assert change[0] == pytest.approx(change[-1])
+    assert change[0] < np.exp(-once[0])
+
+
+def test_jeffrey_divergence() -> None:
+    one = np.array([[0.5, 0.5, 0.0 + 1e-12]])
+    others = np.array([one, [[0.25, 0.25, 0.5]]])
+    mean = (one[0] + others[1, 0]) / 2
+    by_hand = np.sum(one[0] * np.log(one[0] / mean) + others[1, 0] * np.log(others[1, 0] / mean))
+    np.testing.assert_allclose(jeffrey(one, others), [0.0, by_hand], atol=1e-12)
+
+
+def test_covered_and_flat_frames_are_blind() -> None:
+    sensor = ColorHistogram()
+    sensor.fit(coloured_map())
+    rng = np.random.default_rng(0)
+    covered = np.clip(rng.normal(8, 2, (36, 48, 3)), 0, 255).astype(np.uint8)
+    for image in (np.zeros((36, 48, 3), np.uint8), np.full((36, 48), 90, np.uint8), covered):
+        assert sensor.observe(frame_of(image)).is_blind
+
+
+def test_a_map_without_pictures_is_refused() -> None:
+    with pytest.raises(UserError, match=r"'bare'.*views or panoramas"):
+        ColorHistogram().fit(TopoMap("bare", CAMERA, (Node("a", "a", 0.0, 0.0),)))
