@@ -1,8 +1,8 @@
-"""Fits the sensors' scale from match to log-likelihood on calibration worlds: ``python -m benchmarks.calibration``.
+"""Fits what sensors and estimators claim to what is so, on calibration worlds: ``python -m benchmarks.calibration``.
 
-The seeds are used for nothing else. What is printed stands as defaults in the sensors' settings. A hypothesis is
-counted as right when the robot's true pose lies near it; a logistic regression of that on the match, with the share
-of right ones taken out, gives the log-likelihood ratio. Simulated worlds: a real building will differ.
+Printed are the sensors' scale from match to log-likelihood, and the estimators' rule from belief to probability;
+both stand as defaults where they are used. The seeds are used for nothing else. A hypothesis counts as right when the
+robot's true pose lies near it, a node as in the benchmark. Simulated worlds: a real building will differ.
 """
 
 from __future__ import annotations
@@ -12,18 +12,26 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.special import expit
 
-from benchmarks.worlds.simulate import LabSettings, simulate
+from benchmarks.worlds.simulate import LabSettings, Simulation, simulate
 from topoloc import plugins
+from topoloc.estimate import EstimateRule, node_masses, sureness
 from topoloc.geometry import Floats, wrap
-from topoloc.localizer import look
+from topoloc.localizer import Localizer
+from topoloc.metrics import RIGHT_WITHIN_M
+from topoloc.topo_map import TopoMap
+from topoloc.types import Evidence, Frame
 
 SEEDS = (1000, 1001, 1002, 1003)
 """Far from the benchmark's, which count from 0."""
 NEAR_M, NEAR_DEG = 0.5, 25.0
 """A hypothesis is right within this distance [m] and this turn [degrees] of the truth."""
-WORLDS = (LabSettings(laps=2.0), LabSettings(laps=2.0, people=0.35), LabSettings(laps=2.0, age=1.0))
+WORLDS = (
+    LabSettings(laps=2.0),
+    LabSettings(laps=2.0, people=0.35),
+    LabSettings(laps=2.0, age=1.0),
+    LabSettings(laps=2.0, kidnap_at=24),
+)
 
 
 @dataclass(frozen=True)
@@ -36,52 +44,97 @@ class Scale:
     heading_sd_deg: float
 
 
-def observations(name: str, seeds: Sequence[int] = SEEDS) -> tuple[Floats, np.ndarray, Floats]:
-    """All hypotheses of a sensor over the calibration worlds.
+@dataclass(frozen=True)
+class Drive:
+    """A calibration drive with what a sensor saw on it."""
 
-    Returns:
-        match above the sensor's base (N,), whether it was right (N,), heading errors of the right ones [deg].
-    """
+    simulation: Simulation
+    evidence: dict[float, Evidence]
+
+
+def _watched(name: str, world: LabSettings, seed: int) -> tuple[Drive, float]:
+    """A drive with what a sensor saw, and the sensor's own zero of the match."""
+    drive = simulate(world, seed)
+    sensor = plugins.make(plugins.SENSORS, name)
+    sensor.fit(drive.topo_map)
+    return Drive(drive, {frame.timestamp: sensor.observe(frame) for frame in drive.frames}), sensor.base_match
+
+
+def fit_scale(seen: Sequence[tuple[Drive, float]]) -> Scale:
+    """Logistic regression of a hypothesis being right on its match, the share of right ones taken out."""
     above, right, headings = [], [], []
-    for world in WORLDS:
-        for seed in seeds:
-            drive = simulate(world, seed)
-            sensor = plugins.make(plugins.SENSORS, name)
-            sensor.fit(drive.topo_map)
-            for frame, pose in zip(drive.frames, drive.truth, strict=True):
-                evidence, _ = look(sensor, frame)
-                distance = np.linalg.norm(evidence.poses[:, :2] - pose[:2], axis=1)
-                turn = np.rad2deg(wrap(evidence.poses[:, 2] - pose[2]))
-                near = (distance <= NEAR_M) & (np.abs(turn) <= NEAR_DEG)
-                above.append(evidence.match - sensor.base_match)
-                right.append(near)
-                headings.append(turn[near])
-    return np.concatenate(above), np.concatenate(right), np.concatenate(headings)
+    for drive, base in seen:
+        for frame, pose in zip(drive.simulation.frames, drive.simulation.truth, strict=True):
+            evidence = drive.evidence[frame.timestamp].of_robot(frame.camera)
+            distance = np.linalg.norm(evidence.poses[:, :2] - pose[:2], axis=1)
+            turn = np.rad2deg(wrap(evidence.poses[:, 2] - pose[2]))
+            near = (distance <= NEAR_M) & (np.abs(turn) <= NEAR_DEG)
+            above.append(evidence.match - base)
+            right.append(near)
+            headings.append(turn[near])
+    match, hit = np.concatenate(above), np.concatenate(right)
+    slope, intercept = logistic(np.column_stack([match, np.ones_like(match)]), hit)
+    share = float(hit.mean())
+    margin = (np.log(share / (1.0 - share)) - intercept) / slope
+    return Scale(float(slope), float(margin), share, float(np.std(np.concatenate(headings))))
 
 
-def fit_scale(above: Floats, right: np.ndarray, headings: Floats) -> Scale:
-    """Logistic regression with the share of right hypotheses taken out."""
+class Recalled:
+    """A sensor that says again what was seen."""
+
+    needs: frozenset[str] = frozenset()
+
+    def __init__(self, drive: Drive) -> None:
+        self._drive = drive
+
+    def fit(self, topo_map: TopoMap) -> None:
+        """Nothing to prepare."""
+
+    def observe(self, frame: Frame) -> Evidence:
+        """Evidence about the camera, as it was seen."""
+        return self._drive.evidence[frame.timestamp]
+
+
+def fit_rule(name: str, drives: Sequence[Drive]) -> EstimateRule:
+    """Coefficients of an estimator's ``EstimateRule``: logistic regression of being right, over all drives."""
+    features, right = [], []
+    for seed, drive in enumerate(drives):
+        the_map = drive.simulation.topo_map
+        localizer = Localizer(the_map, Recalled(drive), plugins.make_estimator(name), rng=seed)
+        for frame, pose in zip(drive.simulation.frames, drive.simulation.truth, strict=True):
+            node = localizer.step(frame).node
+            if node is None:
+                continue
+            mass = float(node_masses(localizer.estimator.belief, the_map).max())
+            features.append((1.0, sureness(mass), localizer.log_evidence))
+            distance = np.linalg.norm(the_map.positions - pose[:2], axis=1)
+            right.append(distance[node] <= distance.min() + RIGHT_WITHIN_M)
+    return EstimateRule(*(round(float(c), 2) for c in logistic(np.array(features), np.array(right), ridge=1e-3)))
+
+
+def logistic(features: Floats, right: np.ndarray, ridge: float = 0.0) -> Floats:
+    """Coefficients (F,) of the logistic regression of ``right`` (N,) on features (N, F), slightly drawn to zero."""
 
     def loss(parameters: Floats) -> float:
-        logits = parameters[0] * above + parameters[1]
-        return float(np.mean(np.logaddexp(0.0, np.where(right, -logits, logits))))
+        logits = features @ parameters
+        return float(np.mean(np.logaddexp(0.0, np.where(right, -logits, logits))) + ridge * parameters @ parameters)
 
-    slope, intercept = minimize(loss, np.array([10.0, -2.0]), method="BFGS").x
-    share = float(right.mean())
-    prior = np.log(share / (1.0 - share))
-    check = float(expit(slope * above + intercept).mean())
-    assert abs(check - share) < 1e-3  # a logistic regression that has converged reproduces the mean
-    return Scale(float(slope), float((prior - intercept) / slope), share, float(np.std(headings)))
+    return np.asarray(minimize(loss, np.zeros(features.shape[1]), method="BFGS").x)
 
 
 def main() -> None:
-    """Print the scale of each sensor."""
+    """Print the scale of each sensor, and the rule of each estimator."""
+    drives = []
     for name in ("ima", "histogram"):
-        scale = fit_scale(*observations(name))
+        seen = [_watched(name, world, seed) for world in WORLDS for seed in SEEDS]
+        drives += [drive for drive, _ in seen]
+        scale = fit_scale(seen)
         print(
             f"{name}: slope {scale.slope:.1f}, margin {scale.margin:.3f} "
             f"({scale.right_share:.1%} of the hypotheses right, heading sd {scale.heading_sd_deg:.1f} degrees)"
         )
+    for name in plugins.names(plugins.ESTIMATORS):
+        print(f"{name}: {fit_rule(name, drives)}")
 
 
 if __name__ == "__main__":

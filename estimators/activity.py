@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from topoloc.estimate import EstimateRule
 from topoloc.geometry import Floats, circular_mean, rotate, wrap
 from topoloc.thesis import THESIS
 from topoloc.topo_map import TopoMap
@@ -91,6 +92,7 @@ class ActivityTracker:
     """
 
     Config = ActivityTrackerConfig
+    estimate_rule = EstimateRule(bias=0.86, gain=0.09)  # benchmarks/calibration.py
 
     def __init__(self, config: ActivityTrackerConfig | None = None) -> None:
         self.config = config or ActivityTrackerConfig()

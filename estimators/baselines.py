@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.particle import covariance_root
-from topoloc.estimate import mean_and_covariance
+from topoloc.estimate import EstimateRule, mean_and_covariance
 from topoloc.geometry import Floats, compose, rotate, wrap
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Motion, WeightedPoses
@@ -33,6 +33,7 @@ class BestMatch:
     """
 
     Config = BestMatchConfig
+    estimate_rule = EstimateRule(bias=0.01, gain=0.08)  # benchmarks/calibration.py
 
     def __init__(self, config: BestMatchConfig | None = None) -> None:
         self.config = config or BestMatchConfig()
@@ -67,6 +68,7 @@ class DeadReckoning:
     """
 
     Config = DeadReckoningConfig
+    estimate_rule = EstimateRule(bias=0.57, gain=0.08)  # benchmarks/calibration.py
 
     def __init__(self, config: DeadReckoningConfig | None = None) -> None:
         self.config = config or DeadReckoningConfig()

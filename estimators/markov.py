@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from scipy.special import logsumexp
 
+from topoloc.estimate import EstimateRule
 from topoloc.geometry import Floats, rotate, wrap
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Ints, Motion, WeightedPoses
@@ -56,6 +57,7 @@ class MarkovGrid:
     """
 
     Config = MarkovGridConfig
+    estimate_rule = EstimateRule(bias=0.95, gain=0.40, evidence_gain=0.38)  # benchmarks/calibration.py
 
     def __init__(self, config: MarkovGridConfig | None = None) -> None:
         self.config = config or MarkovGridConfig()

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from estimators.resampling import RESAMPLERS, systematic
+from topoloc.estimate import EstimateRule
 from topoloc.geometry import Floats, compose, wrap
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Motion, WeightedPoses
@@ -53,6 +54,7 @@ class ParticleFilter:
     """
 
     Config = ParticleFilterConfig
+    estimate_rule = EstimateRule(bias=0.79, gain=0.34, evidence_gain=0.42)  # benchmarks/calibration.py
 
     def __init__(self, config: ParticleFilterConfig | None = None) -> None:
         self.config = config or ParticleFilterConfig()

@@ -11,13 +11,17 @@ from topoloc.geometry import Floats, circular_mean, wrap
 from topoloc.topo_map import TopoMap
 from topoloc.types import Estimate, Status, WeightedPoses
 
+SUREST = 0.999
+"""A belief of samples or cells that is surer than this says nothing by it."""
+
 
 @dataclass(frozen=True)
 class EstimateRule:
     """Coefficients of the formula: probability = expit(bias + gain * logit(mass) + evidence_gain * log evidence).
 
-    ``mass`` is the belief's share nearest to the leading node. An estimator class may carry its own rule as the
-    attribute ``estimate_rule``; this default takes the belief at its word.
+    ``mass`` is the belief's share nearest to the leading node, at most ``SUREST``. An estimator class may carry its
+    own rule as the attribute ``estimate_rule``, fitted by ``benchmarks/calibration.py``; this default takes the
+    belief at its word.
 
     Attributes:
         bias, gain, evidence_gain: coefficients of the formula.
@@ -29,11 +33,16 @@ class EstimateRule:
 
     bias: float = 0.0
     gain: float = 1.0
-    evidence_gain: float = 0.3
+    evidence_gain: float = 0.0
     evidence_memory: float = 0.7
     mode_radius_m: float = 1.0
     localized_above: float = 0.7
     lost_below: float = 0.3
+
+
+def sureness(mass: float) -> float:
+    """Logit of a belief's mass, neither of which is taken for more than ``SUREST`` certain."""
+    return float(logit(np.clip(mass, 1.0 - SUREST, SUREST)))
 
 
 def node_masses(belief: WeightedPoses, topo_map: TopoMap) -> Floats:
@@ -72,8 +81,7 @@ def estimate_from(
     leader = int(np.argmax(masses))
     mass = float(masses[leader])
     tied = bool(np.isclose(np.delete(masses, leader), mass, rtol=1e-9, atol=0.0).any())
-    logit_mass = float(logit(np.clip(mass, 1e-6, 1.0 - 1e-6)))
-    probability = float(expit(chosen.bias + chosen.gain * logit_mass + chosen.evidence_gain * min(log_evidence, 0.0)))
+    probability = float(expit(chosen.bias + chosen.gain * sureness(mass) + chosen.evidence_gain * log_evidence))
     pose, covariance = _leading_mode(belief, topo_map, leader, chosen.mode_radius_m)
     node = None if tied else leader
     return Estimate(pose, covariance, node, 0.0 if tied else probability, _status(node, probability, chosen))

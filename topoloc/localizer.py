@@ -73,7 +73,7 @@ class Localizer:
         self.rule: EstimateRule = getattr(type(estimator), "estimate_rule", EstimateRule())
         self.last: Step | None = None
         self._anchor: tuple[Frame, Estimate] | None = None  # the last frame that was looked at, and what came of it
-        self._log_evidence = 0.0
+        self.log_evidence = 0.0  # running mean of log p(evidence | past); 0 where the estimator tells none
         sensor.fit(topo_map)
         estimator.reset(topo_map, np.random.default_rng(rng), prior)
 
@@ -86,7 +86,7 @@ class Localizer:
             self.estimator.predict(self._motion(self._anchor[0], frame))
         evidence, problem = look(self.sensor, frame)
         self._remember(self.estimator.update(evidence))
-        estimate = estimate_from(self.estimator.belief, self.topo_map, self._log_evidence, self.rule)
+        estimate = estimate_from(self.estimator.belief, self.topo_map, self.log_evidence, self.rule)
         kind = "unreadable" if problem else "blind" if evidence.is_blind else "update"
         self.last = Step(frame.timestamp, kind, estimate, evidence, problem)
         self._anchor = (replace(frame, images={}), estimate)  # the pictures may be large, and are not needed again
@@ -111,7 +111,7 @@ class Localizer:
     def _remember(self, log_evidence: float | None) -> None:
         if log_evidence is not None:
             share, news = self.rule.evidence_memory, max(log_evidence, SURPRISE)
-            self._log_evidence = share * self._log_evidence + (1.0 - share) * news
+            self.log_evidence = share * self.log_evidence + (1.0 - share) * news
 
 
 def look(sensor: Sensor, frame: Frame) -> tuple[Evidence, str]:

@@ -306,8 +306,8 @@ METRICS: tuple[Metric, ...] = (
     Metric(
         "nees",
         "",
-        "mean normalized squared error of the pose, over updates whose covariance is not singular (1 mm, 1 mrad); 3 for "
-        "an honest covariance, more for a boastful one",
+        "mean normalized squared error of the pose, over updates whose covariance is not singular (1 mm, 1 mrad); "
+        "3 for an honest covariance, more for a boastful one",
         "near 3",
         _nees,
     ),
