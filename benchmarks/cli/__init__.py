@@ -1,0 +1,1 @@
+"""Commands that need the benchmark; ``topoloc`` finds them by their entry points."""

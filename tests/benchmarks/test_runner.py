@@ -1,0 +1,265 @@
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.results import COLUMNS, COSTS, ResultsFile, Row, read_results, read_tracks
+from benchmarks.runner import SharedLooks, Suite, run_suite
+from benchmarks.scenarios import Case, Scenario, default_scenarios
+from topoloc.errors import InputError, UnreadableImage, UserError
+from topoloc.testing import evidence_for, toy_map
+from topoloc.topo_map import TopoMap
+from topoloc.types import Evidence, Frame, Motion, WeightedPoses
+
+FRAMES = 12
+
+
+def toy_case(seed: int, kidnapped_at: tuple[int, ...] = (6,)) -> Case:
+    """A drive along the toy map's lower row; the picture of a frame holds its pose for the fake sensor."""
+    rng = np.random.default_rng(seed)
+    truth = np.column_stack([np.linspace(0.0, 2.0, FRAMES), rng.normal(0.0, 0.05, FRAMES), np.zeros(FRAMES)])
+    picture = np.zeros((4, 4), dtype=np.uint8)
+    odometry = np.column_stack([np.arange(FRAMES), np.zeros((FRAMES, 2))])
+    odometry[3] = odometry[2]  # the robot stands: the gate stays closed
+    frames = [Frame(float(i), odometry[i], np.zeros(3), {"rgb": picture}) for i in range(FRAMES)]
+    return Case(toy_map(), frames, truth, kidnapped_at)
+
+
+def broken_case(seed: int) -> Case:
+    raise ZeroDivisionError(f"no world\nfor seed {seed}")
+
+
+@dataclass
+class FakeSensor:
+    """Sees where the toy robot is, and counts how often it looked."""
+
+    needs: frozenset[str] = frozenset({"rgb"})
+    looks: int = 0
+    fits: int = 0
+
+    def fit(self, topo_map: TopoMap) -> None:
+        self.topo_map, self.fits = topo_map, self.fits + 1
+
+    def observe(self, frame: Frame) -> Evidence:
+        self.looks += 1
+        return evidence_for(self.topo_map, (2.0 * frame.timestamp / (FRAMES - 1), 0.0, 0.0))
+
+
+class UnfitSensor(FakeSensor):
+    def fit(self, topo_map: TopoMap) -> None:
+        raise UserError("the map has no panoramas; add some")
+
+
+class CrashingSensor(FakeSensor):
+    def observe(self, frame: Frame) -> Evidence:
+        self.looks += 1
+        raise ValueError("a bug")
+
+
+class FakeEstimator:
+    """Believes a random node near the best hypothesis: the rows must not depend on the processes."""
+
+    def reset(self, topo_map: TopoMap, rng: np.random.Generator, prior: WeightedPoses | None = None) -> None:
+        self.rng, self.pose = rng, np.zeros(3)
+
+    def predict(self, motion: Motion) -> None:
+        self.pose = self.pose + motion.delta
+
+    def update(self, evidence: Evidence) -> float | None:
+        self.pose = evidence.poses[int(np.argmax(evidence.match))] + self.rng.normal(0.0, 0.3, 3)
+        return 0.0
+
+    @property
+    def belief(self) -> WeightedPoses:
+        return WeightedPoses.uniform(self.pose[None], np.full(3, 0.1))
+
+
+class CrashingEstimator(FakeEstimator):
+    def update(self, evidence: Evidence) -> float | None:
+        raise RuntimeError("a bug\nover two lines")
+
+
+def missing_package() -> FakeEstimator:
+    raise UserError("needs the package 'filterpy'; install it with pip")
+
+
+TOY = Scenario("toy", "A toy.", toy_case)
+
+
+def suite(**changes: object) -> Suite:
+    parts: dict[str, object] = {
+        "scenarios": (TOY, Scenario("toy-calm", "Nobody carries the toy.", partial(toy_case, kidnapped_at=()))),
+        "sensors": {"fake": FakeSensor},
+        "estimators": {"fake": FakeEstimator, "crashing": CrashingEstimator},
+        "seeds": (0, 1),
+    }
+    return Suite(**(parts | changes))  # type: ignore[arg-type]
+
+
+def results_of(what: Suite, folder: Path, jobs: int = 1) -> list[Row]:
+    with ResultsFile(folder / "results.csv") as results:
+        run_suite(what, results, jobs)
+    return read_results(folder / "results.csv")
+
+
+def without_costs(rows: list[Row]) -> list[dict[str, str]]:
+    tables = [dict(zip(COLUMNS, row.cells(), strict=True)) for row in rows]
+    return [{name: cell for name, cell in table.items() if name not in COSTS} for table in tables]
+
+
+def test_the_columns_are_those_of_the_design() -> None:
+    assert ",".join(COLUMNS) == (
+        "scenario,sensor,estimator,seed,status,reason,steps,node_accuracy,strict_accuracy,adjacent_rate,wrong_rate,"
+        "position_median_m,position_rmse_m,heading_median_deg,steps_to_localize,recall_at_p99,recovery_steps,lost_rate,"
+        "calibration_error,nees,sensor_ms,estimator_ms,peak_mb"
+    )
+
+
+def test_a_row_for_every_combination_sorted(tmp_path: Path) -> None:
+    rows = results_of(suite(), tmp_path)
+    assert [row.key for row in rows] == sorted(suite().keys())
+    good = [row for row in rows if row.status == "ok"]
+    assert {row.estimator for row in good} == {"fake"}
+    assert all(row.values["steps"] == FRAMES - 1 for row in good)  # one frame was gated
+    assert all((row.values["recovery_steps"] is None) == (row.scenario == "toy-calm") for row in good)
+    assert all(row.values["sensor_ms"] is not None and row.values["estimator_ms"] is not None for row in good)
+
+
+def test_a_sensor_is_fitted_once_and_looks_at_a_frame_once(tmp_path: Path) -> None:
+    made: list[FakeSensor] = []
+
+    def make() -> FakeSensor:
+        made.append(FakeSensor())
+        return made[-1]
+
+    estimators = dict.fromkeys(("first", "second", "third"), FakeEstimator)
+    rows = results_of(suite(scenarios=(TOY,), sensors={"fake": make}, estimators=estimators), tmp_path)
+    assert len(rows) == 6
+    assert [(sensor.fits, sensor.looks) for sensor in made] == [(1, FRAMES - 1)] * 2  # a drive for each seed
+    first, second = (without_costs([row])[0] for row in rows[:3:2])
+    assert first.pop("estimator") != second.pop("estimator")
+    assert first["node_accuracy"] == second["node_accuracy"]
+
+
+def test_a_drive_is_made_once(tmp_path: Path) -> None:
+    seeds: list[int] = []
+
+    def make(seed: int) -> Case:
+        seeds.append(seed)
+        return toy_case(seed)
+
+    results_of(suite(scenarios=(Scenario("toy", "", make),), sensors={"a": FakeSensor, "b": FakeSensor}), tmp_path)
+    assert seeds == [0, 1]
+
+
+def test_rows_do_not_depend_on_jobs(tmp_path: Path) -> None:
+    one, two = (results_of(suite(), tmp_path / str(jobs), jobs) for jobs in (1, 2))
+    assert without_costs(one) == without_costs(two)
+    assert read_tracks(tmp_path / "1") == read_tracks(tmp_path / "2")
+
+
+def test_what_crashes_is_a_row_and_the_rest_goes_on(tmp_path: Path) -> None:
+    scenarios = (Scenario("broken", "", broken_case), TOY)
+    rows = results_of(suite(scenarios=scenarios, sensors={"fake": FakeSensor, "crashing": CrashingSensor}), tmp_path)
+    seen = {(row.scenario, row.sensor, row.estimator): (row.status, row.reason) for row in rows if row.seed == 0}
+    assert seen["broken", "fake", "fake"] == ("failed", "ZeroDivisionError: no world for seed 0")
+    assert seen["toy", "crashing", "fake"] == ("failed", "ValueError: a bug")
+    assert seen["toy", "fake", "crashing"] == ("failed", "RuntimeError: a bug over two lines")
+    assert seen["toy", "fake", "fake"] == ("ok", "")
+
+
+@pytest.mark.parametrize(
+    ("parts", "reason"),
+    [
+        (
+            {"sensors": {"x": partial(FakeSensor, frozenset({"omni", "rgb"}))}},
+            "needs omni images; the scenario has rgb",
+        ),
+        ({"sensors": {"x": UnfitSensor}}, "the map has no panoramas"),
+        ({"estimators": {"x": missing_package}}, "needs the package 'filterpy'"),
+    ],
+)
+def test_what_cannot_be_fed_is_unavailable(parts: dict[str, object], reason: str, tmp_path: Path) -> None:
+    rows = results_of(suite(scenarios=(TOY,), **parts), tmp_path)
+    assert rows and all(row.status == "unavailable" and row.reason.startswith(reason) for row in rows)
+    assert all(value is None for row in rows for value in row.values.values())
+
+
+def test_looks_are_remembered_even_where_they_fail() -> None:
+    class Unreadable(FakeSensor):
+        def observe(self, frame: Frame) -> Evidence:
+            self.looks += 1
+            raise UnreadableImage("a.png", "does not decode", "save it again")
+
+    sensor = Unreadable()
+    looks = SharedLooks(sensor, toy_map())
+    for _ in range(2):
+        with pytest.raises(UnreadableImage):
+            looks.observe(toy_case(0).frames[0])
+    assert sensor.looks == looks.looks == 1
+
+
+@pytest.mark.parametrize("keep", [0.0, 0.02, 0.4, 0.7, 0.999, 1.0])
+def test_resuming_a_killed_run_gives_the_same_rows(keep: float, tmp_path: Path) -> None:
+    whole = results_of(suite(), tmp_path)
+    path = tmp_path / "results.csv"
+    text = path.read_bytes()
+    path.write_bytes(text[: int(keep * len(text))])
+    with ResultsFile(path, read_results(path)) as results:
+        ran: list[Row] = []
+        run_suite(suite(), results, on_row=ran.append)
+    again = read_results(path)
+    assert without_costs(again) == without_costs(whole)
+    assert (len(ran) == 0) == (keep == 1.0)
+
+
+def test_rows_are_on_the_disk_when_the_benchmark_is_interrupted(tmp_path: Path) -> None:
+    def stop_at(row: Row) -> None:
+        assert read_results(tmp_path / "results.csv")[-1].key == row.key
+        if row.seed == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), ResultsFile(tmp_path / "results.csv") as results:
+        run_suite(suite(), results, on_row=stop_at)
+    rows = read_results(tmp_path / "results.csv")
+    assert [row.key for row in rows] == sorted(row.key for row in rows)
+    assert len(rows) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [("a,b\n", "does not have the columns"), (",".join(COLUMNS) + "\nx,y\n", "line 2"), (None, "no such file")],
+)
+def test_a_file_that_is_no_results(text: str | None, problem: str, tmp_path: Path) -> None:
+    if text is not None:
+        (tmp_path / "results.csv").write_text(text)
+    with pytest.raises(InputError, match=problem):
+        read_results(tmp_path / "results.csv")
+
+
+def test_reasons_with_commas_and_quotes_come_back(tmp_path: Path) -> None:
+    row = Row("a", "b", "c", 0, "failed", 'commas, "quotes"', {"nees": 1.5})
+    with ResultsFile(tmp_path / "results.csv") as results:
+        results.append(row)
+    back = read_results(tmp_path / "results.csv")[0]
+    assert (back.reason, back.values["nees"], back.values["steps"]) == (row.reason, 1.5, None)
+
+
+def test_the_first_drive_of_a_scenario_is_kept_for_the_report(tmp_path: Path) -> None:
+    results_of(suite(), tmp_path)
+    tracks = read_tracks(tmp_path)
+    assert set(tracks) == {"toy", "toy-calm"}
+    track = tracks["toy"]
+    assert (track.sensor, track.estimator, track.seed) == ("fake", "fake", 0)
+    assert len(track.truth) == len(track.dead_reckoning) == FRAMES
+    assert len(track.estimates) == len(track.right) == len(track.updates) == FRAMES - 1
+    assert track.dead_reckoning[0] == pytest.approx(track.truth[0])
+
+
+def test_the_default_scenarios_are_named() -> None:
+    assert [scenario.name for scenario in default_scenarios()] == ["lab-fresh", "lab-people", "lab-kidnapped"]
+    assert [scenario.settings["kidnap_at"] for scenario in default_scenarios(20)] == [-1, -1, 10]
