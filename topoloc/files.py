@@ -116,8 +116,13 @@ def read_text(path: Path, remedy: str) -> str:
         raise InputError(path, "no such file", remedy) from None
     except UnicodeDecodeError:
         raise InputError(path, "is not a text file in UTF-8", remedy) from None
-    except OSError as error:
-        raise InputError(path, f"cannot be read ({error.strerror})", remedy) from None
+    except (OSError, ValueError) as error:
+        raise InputError(path, f"cannot be read ({_reason(error)})", remedy) from None
+
+
+def _reason(error: OSError | ValueError) -> str:
+    """Why a path cannot be opened; a ValueError is what a NUL in it raises."""
+    return getattr(error, "strerror", None) or str(error)
 
 
 def read_image(path: Path) -> Image:
@@ -126,16 +131,22 @@ def read_image(path: Path) -> Image:
     Raises:
         UnreadableImage: the file is missing or does not decode.
     """
-    import cv2  # here, because importing topoloc loads numpy and scipy only
+    from PIL import Image as Pictures  # here, because importing topoloc loads numpy and scipy only
+    from PIL import ImageOps
 
     try:
-        data = np.fromfile(path, dtype=np.uint8)
-    except OSError as error:
-        raise UnreadableImage(path, f"cannot be read ({error.strerror})", "restore the image or its entry") from None
-    pixels = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    if pixels is None:
-        raise UnreadableImage(path, "does not decode as an image", "save it again as PNG or JPEG")
-    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise UnreadableImage(path, f"cannot be read ({_reason(error)})", "restore the image or its entry") from None
+    try:
+        with Pictures.open(io.BytesIO(data)) as picture:
+            upright = ImageOps.exif_transpose(picture)
+            if upright.mode.startswith("I"):  # 16 bits a pixel: the upper eight of them
+                grey = (np.asarray(upright).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8)
+                return np.repeat(grey[:, :, None], 3, axis=2)
+            return np.asarray(upright.convert("RGB"), dtype=np.uint8)
+    except (OSError, ValueError, SyntaxError, Pictures.DecompressionBombError):
+        raise UnreadableImage(path, "does not decode as an image", "save it again as PNG or JPEG") from None
 
 
 def write_image(path: Path, image: Image) -> None:

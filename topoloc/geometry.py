@@ -10,7 +10,8 @@ Floats = NDArray[np.float64]
 
 def wrap(angle: ArrayLike) -> Floats:
     """Bring angles [rad] into -pi <= angle < pi, elementwise; the shape stays."""
-    return np.asarray((np.asarray(angle, dtype=np.float64) + np.pi) % (2.0 * np.pi) - np.pi)
+    wrapped = (np.asarray(angle, dtype=np.float64) + np.pi) % (2.0 * np.pi) - np.pi
+    return np.asarray(np.where(wrapped >= np.pi, -np.pi, wrapped))  # just below -pi the remainder rounds up
 
 
 def rotate(vectors: ArrayLike, angle: ArrayLike) -> Floats:

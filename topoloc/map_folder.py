@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 from topoloc.errors import InputError
 from topoloc.files import new_folder, read_image, read_text, write_csv, write_image, write_text
 from topoloc.geometry import Floats, wrap
-from topoloc.settings import build, read_toml, refuse_unknown
+from topoloc.settings import build, convert, read_toml, refuse_unknown
 from topoloc.topo_map import Camera, Node, TopoMap, View
 from topoloc.types import Image, Ints
 
@@ -45,24 +46,34 @@ def load_map(folder: Path) -> TopoMap:
         edges=_read_edges(folder / EDGES_FILE, nodes),
         free=_read_free(table.get("free", []), path),
         views=_read_views(folder, camera),
-        filtered=bool(table.get("panoramas_filtered", False)),
+        filtered=convert(table.get("panoramas_filtered", False), bool, f"{path}: panoramas_filtered"),
     )
 
 
 def rows_of(path: Path, columns: Sequence[str], remedy: str) -> Iterator[tuple[int, dict[str, str]]]:
     """Lines of a CSV file whose header names at least ``columns``: (1-based line, value by column)."""
-    reader = csv.reader(io.StringIO(read_text(path, remedy), newline=""))
-    header = [word.strip() for word in next(reader, [])]
+    reader = _csv_rows(path, remedy)
+    _, header = next(reader, (1, []))
     missing = [column for column in columns if column not in header]
     if missing:
         raise InputError(path, f"the header lacks {', '.join(missing)}", f"start it with {','.join(columns)}", line=1)
-    for row in reader:
-        if not row or not any(word.strip() for word in row):
+    for line, row in reader:
+        if not any(row):
             continue
         if len(row) != len(header):
             problem = f"{len(row)} values under {len(header)} columns"
-            raise InputError(path, problem, "give each column one value", line=reader.line_num)
-        yield reader.line_num, dict(zip(header, (word.strip() for word in row), strict=True))
+            raise InputError(path, problem, "give each column one value", line=line)
+        yield line, dict(zip(header, row, strict=True))
+
+
+def _csv_rows(path: Path, remedy: str) -> Iterator[tuple[int, list[str]]]:
+    """Stripped cells of each row of a CSV file, with the 1-based line that it ends on."""
+    reader = csv.reader(io.StringIO(read_text(path, remedy), newline=""))
+    try:
+        for row in reader:
+            yield reader.line_num, [word.strip() for word in row]
+    except csv.Error as error:
+        raise InputError(path, f"is not CSV ({error})", "look for a stray quote", line=reader.line_num) from None
 
 
 def number(text: str, name: str, path: Path, line: int) -> float:
@@ -178,28 +189,39 @@ def save_map(topo_map: TopoMap, folder: Path, overwrite: bool = False) -> None:
             "camera": {"hfov_deg": camera.hfov_deg, "width": camera.width, "height": camera.height},
         }
         write_text(target / MAP_FILE, tomli_w.dumps(table))
-        write_csv(target / NODES_FILE, NODE_COLUMNS, [_node_row(node, target) for node in topo_map.nodes])
+        rows = []
+        for node, stem in zip(topo_map.nodes, _file_stems(topo_map), strict=True):
+            name = "" if node.panorama is None else f"panoramas/{stem}.png"
+            if node.panorama is not None:
+                write_image(target / name, node.panorama)
+            place = repr(float(node.x)), repr(float(node.y)), _degrees(node.heading)
+            rows.append((node.id, node.name, *place, name))
+        write_csv(target / NODES_FILE, NODE_COLUMNS, rows)
         pairs = [(topo_map.nodes[a].id, topo_map.nodes[b].id) for a, b in np.asarray(topo_map.edges)]
         write_csv(target / EDGES_FILE, EDGE_COLUMNS, pairs)
         if topo_map.views:
-            rows = [_view_row(view, i, target) for i, view in enumerate(topo_map.views)]
-            write_csv(target / VIEWS_FILE, VIEW_COLUMNS, rows)
+            views = [_view_row(view, i, target) for i, view in enumerate(topo_map.views)]
+            write_csv(target / VIEWS_FILE, VIEW_COLUMNS, views)
 
 
-def _node_row(node: Node, target: Path) -> tuple[str, str, str, str, str, str]:
-    name = ""
-    if node.panorama is not None:
-        name = f"panoramas/{node.id}.png"
-        write_image(target / name, node.panorama)
-    heading = np.rad2deg(node.heading)
-    return node.id, node.name, f"{node.x:.6g}", f"{node.y:.6g}", f"{heading:.6g}", name
+def _file_stems(topo_map: TopoMap) -> list[str]:
+    """A file name for each node: its id, or its number where the id holds what no file name should."""
+    ids = [node.id for node in topo_map.nodes]
+    lower = [name.lower() for name in ids]  # some file systems do not tell A from a
+    plain = re.compile(r"[A-Za-z0-9-][A-Za-z0-9_-]{0,60}")
+    return [name if plain.fullmatch(name) and lower.count(name.lower()) == 1 else f"_{i}" for i, name in enumerate(ids)]
 
 
 def _view_row(view: View, i: int, target: Path) -> tuple[str, str, str, str]:
     name = f"views/{i:05d}.png"
     write_image(target / name, view.image)
     x, y, heading = view.pose
-    return f"{x:.6g}", f"{y:.6g}", f"{np.rad2deg(heading):.6g}", name
+    return repr(float(x)), repr(float(y)), _degrees(heading), name
+
+
+def _degrees(angle: float) -> str:
+    """An angle [rad] in degrees, to a digit less than it has, so that 20 stays 20."""
+    return f"{np.rad2deg(angle):.14g}"
 
 
 def without_pictures(topo_map: TopoMap) -> TopoMap:

@@ -32,6 +32,9 @@ class LazyImages(Mapping[str, Image]):
             self._images[kind] = self._readers[kind]()
         return self._images[kind]
 
+    def __contains__(self, kind: object) -> bool:
+        return kind in self._readers
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._readers)
 

@@ -20,7 +20,7 @@ def read_toml(path: Path, remedy: str) -> dict[str, Any]:
     text = read_text(path, remedy)
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # TOMLDecodeError is one, and so is what a number of 5000 digits raises
         raise InputError(path, f"is not valid TOML ({error})", "mend that line") from None
 
 
@@ -39,16 +39,18 @@ def build(cls: type[T], table: Mapping[str, Any], where: Path | str) -> T:
         UserError: an unknown key, or a value that does not suit its field.
     """
     assert is_dataclass(cls)
+    if not isinstance(table, Mapping):
+        raise UserError(f"{where} is {table!r}; it is a table of settings: write its keys below it")
     hints = get_type_hints(cls)
     refuse_unknown(table, {item.name for item in fields(cls)}, where)
-    values = {key: _convert(value, hints[key], f"{where}: {key}") for key, value in table.items()}
+    values = {key: convert(value, hints[key], f"{where}: {key}") for key, value in table.items()}
     try:
         return cls(**values)
     except (TypeError, ValueError) as error:
         raise UserError(f"{where}: {error}; correct the value") from None
 
 
-def _convert(value: Any, kind: Any, where: str) -> Any:
+def convert(value: Any, kind: Any, where: str) -> Any:
     """A TOML value, or a word from the command line, as the type of its field."""
     if kind is bool:
         if isinstance(value, bool):
@@ -57,13 +59,11 @@ def _convert(value: Any, kind: Any, where: str) -> Any:
             return str(value).lower() == "true"
         raise UserError(f"{where} is {value!r}; write true or false")
     if is_dataclass(kind) and isinstance(kind, type):
-        if not isinstance(value, Mapping):
-            raise UserError(f"{where} is {value!r}; it is a table of settings: name one of them")
         return build(kind, value, where)
     if kind in (int, float):
         try:
             number = float(value)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise UserError(f"{where} is {value!r}; write a number") from None
         if isinstance(value, bool) or not math.isfinite(number) or (kind is int and number != int(number)):
             raise UserError(f"{where} is {value!r}; write {'a whole number' if kind is int else 'a number'}")
@@ -72,7 +72,9 @@ def _convert(value: Any, kind: Any, where: str) -> Any:
         raise UserError(f"{where} is {value!r}; write a text in quotes")
     if get_origin(kind) is tuple:
         items = [word for word in value.split(",") if word] if isinstance(value, str) else value
-        return tuple(_convert(item, get_args(kind)[0], where) for item in items)
+        if not isinstance(items, list | tuple):
+            raise UserError(f"{where} is {value!r}; write a list")
+        return tuple(convert(item, get_args(kind)[0], where) for item in items)
     return value
 
 

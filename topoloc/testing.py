@@ -92,10 +92,12 @@ def _check_blindness(estimator: Estimator, topo_map: TopoMap) -> None:
 def _check_extremes(make: Callable[[], Estimator], topo_map: TopoMap, seed: int) -> None:
     good = evidence_for(topo_map, (0.0, 0.0, 0.5))
     far = replace(good, poses=good.poses + np.array([1e4, 0.0, 0.0]), log_floor=-np.inf)
+    impossible = replace(good, log_likelihoods=np.full(len(good.poses), -np.inf), log_floor=-np.inf)
     cases = {
         "huge log-likelihoods": replace(good, log_likelihoods=good.log_likelihoods + 1e5),
         "tiny log-likelihoods": replace(good, log_likelihoods=good.log_likelihoods - 1e5),
-        "a likelihood of zero everywhere": far,
+        "hypotheses ten kilometres away": far,
+        "a likelihood of zero everywhere": impossible,
         "an unknown heading": evidence_for(topo_map, (0.0, 0.0, 0.5), heading_known=False),
         "a heading known to a hair": replace(good, kappa=np.full(len(good.kappa), 1e6)),
     }
@@ -142,7 +144,9 @@ def check_sensor(sensor: Sensor, topo_map: TopoMap, frames: Sequence[Frame]) -> 
     for frame in frames:
         evidence, again = sensor.observe(frame), sensor.observe(frame)
         _check_evidence(evidence, topo_map)
-        assert np.array_equal(evidence.match, again.match), "the same frame must give the same evidence"
+        for part in ("poses", "nodes", "match", "log_likelihoods"):
+            same = np.array_equal(getattr(evidence, part), getattr(again, part))
+            assert same, f"the same frame must give the same evidence; {part} differ"
     flat = {kind: np.full(image.shape, 127, dtype=np.uint8) for kind, image in frames[0].images.items()}
     _check_evidence(sensor.observe(replace(frames[0], images=flat)), topo_map)
     if "rgb" in sensor.needs:

@@ -211,11 +211,12 @@ class Evidence:
         log_position = self.log_likelihoods - squared / (2.0 * self.sigma**2)  # (P, M)
         turned = np.cos(heading[:, :, None] - self.poses[:, 2])  # (P or 1, H, M)
         log_heading = self.kappa * (turned - 1.0) - np.log(i0e(self.kappa))
-        peak = max(float(self.log_likelihoods.max()), self.log_floor)
-        peak = peak if np.isfinite(peak) else 0.0  # a likelihood of zero everywhere
-        mixture = np.exp(log_position - peak)[:, None, :] @ np.swapaxes(np.exp(log_heading), 1, 2)
-        with np.errstate(divide="ignore"):  # a floor of zero far from every hypothesis: log 0 is meant
-            return np.asarray(peak + np.log(np.exp(self.log_floor - peak) + mixture[:, 0, :]).reshape(shape))
+        terms = log_position[:, None, :] + log_heading  # (P, H, M)
+        peak = terms.max(axis=2)
+        scale = np.where(np.isfinite(peak), peak, 0.0)  # -inf: a likelihood of zero
+        with np.errstate(divide="ignore"):
+            mixture = scale + np.log(np.exp(terms - scale[..., None]).sum(axis=2))
+        return np.asarray(np.logaddexp(self.log_floor, mixture).reshape(shape))
 
     @property
     def log_mass(self) -> float:

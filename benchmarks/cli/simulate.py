@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
 
 def simulate(
     world: Annotated[str, Parameter(help="See 'topoloc list worlds'.")],
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder to make: DIR/map and DIR/recording.")],
-    seed: Annotated[int, Parameter(help="Of the room, the panoramas and the drive.")] = 0,
+    seed: Annotated[int, Parameter(help="Of the room, the panoramas and the drive.", validator=Number(gte=0))] = 0,
     settings: Annotated[
         tuple[str, ...], Parameter(name="--set", help="KEY=VALUE, as 'topoloc list worlds' names them.")
     ] = (),

@@ -102,6 +102,19 @@ def test_the_nearer_surface_hides_and_a_low_one_leaves_free_what_is_above_it() -
     assert (beside[round(144 + focal * 0.35 / 3.0) - 2] == COLOURS[0]).all()
 
 
+def test_the_pattern_of_a_floor_lies_where_it_is_in_the_world() -> None:
+    stripes = np.zeros((64, 64, 3), dtype=np.uint8)
+    stripes[:, :32], stripes[:, 32:] = COLOURS[0], COLOURS[1]  # half a metre each, across x
+    scene = Scene(Atlas.of([stripes]), make_faces(), make_planes((0.0, 0.0, 20.0, 20.0, 0.0, 0.0, 0)))
+    image = render_frame(scene, np.array([0.2, 0.0, 0.0]), CAMERA)[:, 192]
+    for x in (4.75, 5.25, 5.75, 6.25):  # the middles of stripes
+        row = int(144.0 + focal_length(CAMERA) * EYE_M / (x - 0.2))
+        assert (image[row] == COLOURS[0 if x % 1.0 < 0.5 else 1]).all()
+    for x in (5.0, 5.5, 6.0):
+        row = round(144.0 + focal_length(CAMERA) * EYE_M / (x - 0.2))
+        assert (image[row - 3] != image[row + 2]).any()
+
+
 def test_every_pixel_shows_what_a_ray_cast_one_by_one_meets_first() -> None:
     rng = np.random.default_rng(5)
     faces, tops = [(8.0, 9.0, 8.0, -9.0, -2.0, 6.0, 5.0)], [(4.0, 0.0, 9.0, 9.0, 0.0, 0.0, 4.0)]

@@ -137,7 +137,7 @@ def test_update_is_bayes_rule() -> None:
 def test_impossible_evidence_leaves_the_belief_as_predicted() -> None:
     grid = grid_at((0.3, 0.2, 0.4), toy_map())
     before, good = grid.belief, evidence_for(toy_map(), (1.0, 0.0, 0.5), log_floor=-np.inf)
-    assert grid.update(replace(good, poses=good.poses + np.array([1e4, 0.0, 0.0]))) == -np.inf
+    assert grid.update(replace(good, log_likelihoods=np.full(len(good.poses), -np.inf))) == -np.inf
     assert np.array_equal(grid.belief.log_weights, before.log_weights)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
 if TYPE_CHECKING:
     from topoloc.localizer import Step
@@ -24,7 +25,7 @@ def localize(
     output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder to make.")],
     sensor: Annotated[str, Parameter(help="See 'topoloc list sensors'.")] = "ima",
     estimator: Annotated[str, Parameter(help="See 'topoloc list estimators'.")] = "activity",
-    seed: Annotated[int, Parameter(help="Of the estimator's random numbers.")] = 0,
+    seed: Annotated[int, Parameter(help="Of the estimator's random numbers.", validator=Number(gte=0))] = 0,
     overwrite: Annotated[bool, Parameter(help="Replace the files of an earlier run.", negative="")] = False,
 ) -> None:
     """Localize a recorded drive on a map.

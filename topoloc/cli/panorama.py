@@ -46,10 +46,16 @@ def panorama(
     refuse_to_overwrite(table, overwrite)
     settings = {"slots": slots, "clahe": clahe, "hfov_deg": hfov_deg, "start_deg": start_deg}
     maker = plugins.make(plugins.PANORAMAS, method, settings)
+    pictures = [read_image(path) for path in files]
+    sizes = {path.name: f"{picture.shape[1]}x{picture.shape[0]}" for path, picture in zip(files, pictures, strict=True)}
+    odd = next((name for name, size in sizes.items() if size != sizes[files[0].name]), None)
+    if odd is not None:
+        problem = f"sizes differ: {files[0].name} is {sizes[files[0].name]}, {odd} is {sizes[odd]}"
+        raise InputError(snapshots, problem, "scale them to one size")
     console = Console(stderr=True)
     with console.status("aligning snapshots") as status:
         made = maker.reconstruct(
-            [read_image(path) for path in files],
+            pictures,
             lambda done: status.update(f"aligning snapshots: {done} of {len(files)}"),
         )
     write_image(output, made.image)

@@ -1,0 +1,587 @@
+"""The command line as a user types it: what it writes, and the one line that each mistake gets."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sensors.images import cut_views
+from topoloc import __version__, plugins
+from topoloc.cli.main import run
+from topoloc.files import read_image, write_image
+from topoloc.geometry import compose, wrap
+from topoloc.metrics import METRICS
+from topoloc.recording import Recording
+from topoloc.recording_folder import RecordingWriter
+from topoloc.topo_map import Camera, Node, TopoMap
+from topoloc.types import Frame, Image, Status
+
+CAMERA = Camera(40.0, 96, 72)
+STEP_COLUMNS = ["timestamp", "x", "y", "heading_deg", "node", "probability", "status", "match", "kind"]
+DRIVE = (  # node, which of its 24 views, metres on from the node: the fourth frame lies within the motion gate
+    (0, 0, 0.0),
+    (0, 2, 0.0),
+    (1, 2, 0.0),
+    (1, 2, 0.05),
+    (1, 4, 0.0),
+    (2, 4, 0.0),
+    (2, 6, 0.0),
+)
+
+
+def noise_circle(seed: int) -> Image:
+    blocks = np.random.default_rng(seed).integers(0, 256, (9, 108, 3)).astype(np.uint8)
+    return np.kron(blocks, np.ones((8, 8, 1), dtype=np.uint8))
+
+
+@pytest.fixture(scope="session")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map of three nodes with noise for panoramas, and a recording of seven views cut from them."""
+    folder = tmp_path_factory.mktemp("tiny")
+    nodes = tuple(Node(f"N{k}", f"place {k}", float(k), 0.5, 1.0, noise_circle(k)) for k in range(3))
+    TopoMap("tiny", CAMERA, nodes).save(folder / "map")
+    lines = [f"N{k},place {k},{k},0.5,57.2957795,panoramas/N{k}.png" for k in range(3)]
+    (folder / "map" / "nodes.csv").write_text("\n".join(["id,name,x,y,heading,panorama", *lines, ""]))
+    writer = RecordingWriter(folder / "recording", CAMERA)
+    for time, (k, view, ahead) in enumerate(DRIVE):
+        panorama = nodes[k].panorama
+        assert panorama is not None
+        image, heading = cut_views(panorama, nodes[k].heading, CAMERA)[view]
+        truth = np.array([nodes[k].x + ahead, nodes[k].y, heading])
+        odometry = compose((3.0, -2.0, 2.0), truth)  # the odometer's own frame
+        writer.add(Frame(10.0 + time, odometry, np.zeros(3), {"rgb": image}), truth)
+    writer.close()
+    return folder
+
+
+@pytest.fixture
+def place(tiny: Path, tmp_path: Path) -> Path:
+    """A copy of the tiny map and recording that a test may spoil."""
+    shutil.copytree(tiny, tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+def content(folder: Path) -> dict[str, bytes | None]:
+    return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else None for p in folder.rglob("*")}
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def localize(place: Path, *more: str) -> list[str]:
+    return ["localize", str(place / "map"), str(place / "recording"), "-o", str(place / "run"), *more]
+
+
+def topoloc(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "topoloc", *arguments], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def done(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What ``topoloc localize`` writes for the tiny recording."""
+    out = tmp_path_factory.mktemp("done") / "deep" / "run"
+    assert run(["localize", str(tiny / "map"), str(tiny / "recording"), "-o", str(out)]) == 0
+    return out
+
+
+class TestLocalize:
+    def test_writes_these_files_and_no_others(self, done: Path) -> None:
+        assert {p.name for p in done.iterdir()} == {"trajectory.txt", "steps.csv", "plan.png", "metrics.json"}
+        assert [p.name for p in done.parent.iterdir()] == ["run"]
+
+    def test_steps(self, done: Path) -> None:
+        rows = rows_of(done / "steps.csv")
+        assert (done / "steps.csv").read_text().splitlines()[0].split(",") == STEP_COLUMNS
+        assert [float(row["timestamp"]) for row in rows] == [10.0 + time for time in range(len(DRIVE))]
+        assert [row["kind"] for row in rows] == ["update", "update", "update", "gated", "update", "update", "update"]
+        assert {row["status"] for row in rows} <= {status.value for status in Status}
+        assert {row["node"] for row in rows} <= {"N0", "N1", "N2", ""}
+        assert rows[3]["match"] == "" and all(0.0 <= float(row["match"]) <= 1.0 for row in rows if row["match"])
+        for row in rows:
+            assert 0.0 <= float(row["probability"]) <= 1.0
+            assert np.isfinite([float(row[key]) for key in ("x", "y", "heading_deg")]).all()
+
+    def test_the_robot_is_where_it_was(self, done: Path, tiny: Path) -> None:
+        rows = rows_of(done / "steps.csv")
+        truth = Recording.load(tiny / "recording").truth
+        assert truth is not None
+        assert [row["node"] for row in rows[2:]] == ["N1", "N1", "N1", "N2", "N2"]
+        for row, pose in zip(rows[2:], truth.poses[2:], strict=True):
+            assert np.hypot(float(row["x"]) - pose[0], float(row["y"]) - pose[1]) < 0.3
+            assert abs(float(wrap(np.deg2rad(float(row["heading_deg"])) - pose[2]))) < np.deg2rad(10.0)
+
+    def test_the_trajectory_is_a_tum_file_of_the_same_poses(self, done: Path) -> None:
+        lines = (done / "trajectory.txt").read_text().splitlines()
+        table = np.array([[float(word) for word in line.split()] for line in lines if not line.startswith("#")])
+        assert table.shape == (len(DRIVE), 8)
+        rows = rows_of(done / "steps.csv")
+        steps = np.array([[float(row[key]) for key in ("timestamp", "x", "y", "heading_deg")] for row in rows])
+        assert table[:, :3] == pytest.approx(steps[:, :3], abs=1e-4)
+        assert (table[:, 3:6] == 0.0).all()
+        turned = wrap(2.0 * np.arctan2(table[:, 6], table[:, 7]) - np.deg2rad(steps[:, 3]))
+        assert np.abs(turned).max() < 1e-3
+
+    def test_metrics(self, done: Path) -> None:
+        values = json.loads((done / "metrics.json").read_text())
+        assert list(values) == [metric.name for metric in METRICS]
+        assert values["steps"] == 6
+        assert values["node_accuracy"] >= 4 / 6
+        assert values["recovery_steps"] is None
+
+    def test_the_plan_is_a_picture(self, done: Path) -> None:
+        plan = read_image(done / "plan.png")
+        assert min(plan.shape[:2]) > 300 and plan.std() > 5.0
+
+    def test_the_same_seed_gives_the_same_bytes(self, place: Path) -> None:
+        for out, seed in (("a", "5"), ("b", "5"), ("c", "6")):
+            command = localize(place, "--estimator", "particle", "--seed", seed)
+            assert run([word.replace(str(place / "run"), str(place / out)) for word in command]) == 0
+        first, second, third = ((place / out / "steps.csv").read_bytes() for out in "abc")
+        assert first == second != third
+
+    def test_says_what_came_of_it(self, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run(localize(place)) == 0
+        out, err = capsys.readouterr()
+        assert "7 frames: 1 gated, 6 update" in out and "node_accuracy" in out and "metrics.json" in out
+        assert err == ""
+
+    def test_without_truth_there_are_no_metrics(self, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        (place / "recording" / "groundtruth.txt").unlink()
+        assert run(localize(place)) == 0
+        assert {p.name for p in (place / "run").iterdir()} == {"trajectory.txt", "steps.csv", "plan.png"}
+        assert "7 frames" in capsys.readouterr().out
+
+    def test_without_odometry_every_frame_is_looked_at(self, place: Path) -> None:
+        (place / "recording" / "odometry.txt").unlink()
+        assert run(localize(place, "--estimator", "best-match")) == 0
+        rows = rows_of(place / "run" / "steps.csv")
+        assert [row["kind"] for row in rows] == ["update"] * 7
+        assert [row["node"] for row in rows] == [f"N{k}" for k, _, _ in DRIVE]
+        true = np.rad2deg(1.0) - 20.0 - 15.0 * np.array([view for _, view, _ in DRIVE])
+        assert [float(row["heading_deg"]) for row in rows] == pytest.approx(true, abs=1.0)
+
+    @pytest.mark.parametrize("what", ["a text", "no bytes", "missing"])
+    def test_an_unreadable_picture_in_the_middle(
+        self, what: str, place: Path, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        picture = place / "recording" / "rgb" / "000002.png"
+        picture.unlink() if what == "missing" else picture.write_bytes(b"hello" if what == "a text" else b"")
+        assert run(localize(place)) == 0
+        out, err = capfd.readouterr()
+        rows = rows_of(place / "run" / "steps.csv")
+        assert [row["kind"] for row in rows].count("unreadable") == 1
+        assert (rows[2]["kind"], rows[2]["match"]) == ("unreadable", "")
+        assert (len(rows), rows[-1]["node"]) == (len(DRIVE), "N2")
+        assert "1 unreadable" in out
+        assert err.count("\n") == 1 and "000002.png" in err and "Traceback" not in err
+
+    def test_a_truncated_picture_in_the_middle_is_reported_once(
+        self, place: Path, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        picture = place / "recording" / "rgb" / "000002.png"
+        picture.write_bytes(picture.read_bytes()[:-300])
+        assert run(localize(place)) == 0
+        assert rows_of(place / "run" / "steps.csv")[2]["kind"] == "unreadable"
+        assert capfd.readouterr().err.count("\n") == 1
+
+    def test_overwriting_keeps_other_files(self, place: Path) -> None:
+        (place / "run").mkdir()
+        (place / "run" / "steps.csv").write_text("old")
+        (place / "run" / "notes.txt").write_text("mine")
+        assert run(localize(place, "--overwrite")) == 0
+        assert (place / "run" / "notes.txt").read_text() == "mine"
+        assert len(rows_of(place / "run" / "steps.csv")) == len(DRIVE)
+
+
+def snapshots_of(folder: Path, step_deg: int = 30, camera: Camera = CAMERA, seed: int = 9) -> Path:
+    """Snapshots cut from a circle of noise, turning clockwise, the first at its very left."""
+    circle, columns = noise_circle(seed), camera.panorama_columns()
+    folder.mkdir()
+    for i in range(360 // step_deg):
+        left = round(i * step_deg * columns / 360)
+        write_image(folder / f"{i:02d}.png", circle[:, (left + np.arange(camera.width)) % columns])
+    return folder
+
+
+class TestPanorama:
+    def test_of_noise(self, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+        folder = snapshots_of(tmp_path / "snapshots")
+        (folder / "yaws.csv").write_text("not a picture\n")
+        out = tmp_path / "out" / "p.png"
+        assert run(["panorama", str(folder), "-o", str(out), "--start-deg", "90"]) == 0
+        assert {p.name for p in out.parent.iterdir()} == {"p.png", "p.csv"}
+        assert read_image(out).shape == (72, 864, 3)
+        rows = rows_of(out.with_suffix(".csv"))
+        assert list(rows[0]) == ["file", "column", "heading_deg"]
+        assert [row["file"] for row in rows] == [f"{i:02d}.png" for i in range(12)]
+        for i, row in enumerate(rows):
+            assert abs((int(row["column"]) - 72 * i + 432) % 864 - 432) <= 2
+            assert abs((float(row["heading_deg"]) - (90.0 - 30.0 * i) + 180.0) % 360.0 - 180.0) < 1.0
+            assert -180.0 <= float(row["heading_deg"]) <= 180.0
+        text, err = capfd.readouterr()
+        assert "864 x 72 from 12 snapshots, heading 110.00 degrees" in text
+        assert err == ""
+
+    def test_in_colour_it_is_the_circle_itself(self, tmp_path: Path) -> None:
+        folder, out = snapshots_of(tmp_path / "snapshots"), tmp_path / "p.png"
+        assert run(["panorama", str(folder), "-o", str(out), "--no-clahe"]) == 0
+        assert np.abs(read_image(out).astype(int) - noise_circle(9)).mean() < 25.0  # a column off here and there
+
+    def test_a_gap_is_told(self, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+        folder = snapshots_of(tmp_path / "snapshots")
+        for i in range(6, 12):
+            (folder / f"{i:02d}.png").unlink()
+        assert run(["panorama", str(folder), "-o", str(tmp_path / "p.png")]) == 0
+        gap = re.search(r"warning: (\d+) degrees", capfd.readouterr().err)
+        assert gap is not None and abs(int(gap.group(1)) - 170) <= 3
+
+    @pytest.mark.parametrize("present", ["p.png", "p.csv"])
+    def test_overwriting(self, present: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+        folder = snapshots_of(tmp_path / "snapshots")
+        (tmp_path / present).write_text("mine")
+        command = ["panorama", str(folder), "-o", str(tmp_path / "p.png")]
+        refused(command, tmp_path, capfd, present, "--overwrite")
+        assert run([*command, "--overwrite"]) == 0
+        assert read_image(tmp_path / "p.png").shape == (72, 864, 3)
+        assert len(rows_of(tmp_path / "p.csv")) == 12
+
+
+def refused(arguments: Sequence[str], folder: Path, capfd: pytest.CaptureFixture[str], *says: str) -> None:
+    """Exit code 2, one line that says all this (regular expressions), and not a byte in the folder changed."""
+    before = content(folder)
+    capfd.readouterr()
+    code = run(list(arguments))
+    out, err = capfd.readouterr()
+    assert "Traceback" not in err
+    assert (code, out) == (2, "")
+    assert err.startswith("topoloc: ") and err.endswith("\n") and err.count("\n") == 1
+    assert ";" in err or "See 'topoloc --help'" in err, "a remedy"
+    for words in says:
+        assert re.search(words, err), err
+    assert content(folder) == before
+
+
+Spoil = Callable[[Path], object]
+
+
+def rewrite(name: str, old: str, new: str) -> Spoil:
+    def change(place: Path) -> None:
+        text = (place / name).read_text()
+        assert old in text
+        (place / name).write_text(text.replace(old, new, 1))
+
+    return change
+
+
+def write(name: str, data: str | bytes) -> Spoil:
+    return lambda place: (place / name).write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+def remove(name: str) -> Spoil:
+    def change(place: Path) -> None:
+        path = place / name
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+    return change
+
+
+def picture(name: str, rows: int, columns: int) -> Spoil:
+    noise = np.random.default_rng(0).integers(0, 256, (rows, columns, 3)).astype(np.uint8)
+    return lambda place: write_image(place / name, noise)
+
+
+def truncate(name: str) -> Spoil:
+    return lambda place: (place / name).write_bytes((place / name).read_bytes()[:-200])
+
+
+def line_of(name: str, line: int, change: Callable[[list[str]], list[str]]) -> Spoil:
+    """Change the words of one line (1-based) of a TUM file."""
+
+    def spoil(place: Path) -> None:
+        lines = (place / name).read_text().splitlines()
+        lines[line - 1] = " ".join(change(lines[line - 1].split()))
+        (place / name).write_text("\n".join(lines) + "\n")
+
+    return spoil
+
+
+def all_pictures_unreadable(place: Path) -> None:
+    for path in (place / "recording" / "rgb").iterdir():
+        path.write_text("hello")
+
+
+MAP_TOML, NODES, EDGES = "map/map.toml", "map/nodes.csv", "map/edges.csv"
+RGB, ODOMETRY, CAMERA_TOML, N1 = (
+    "recording/rgb.txt",
+    "recording/odometry.txt",
+    "recording/camera.toml",
+    "map/panoramas/N1.png",
+)
+
+BAD_INPUT: dict[str, tuple[Spoil, str]] = {
+    "map folder missing": (remove("map"), r"map: no such folder"),
+    "recording folder missing": (remove("recording"), r"recording: no such folder"),
+    "map.toml missing": (remove(MAP_TOML), r"map\.toml: no such file"),
+    "nodes.csv missing": (remove(NODES), r"nodes\.csv: no such file"),
+    "nodes.csv empty": (write(NODES, ""), r"nodes\.csv, line 1"),
+    "an empty map": (write(NODES, "id,name,x,y,heading,panorama\n"), r"nodes\.csv: the map has no nodes"),
+    "repeated id": (rewrite(NODES, "N2,", "N1,"), r"nodes\.csv, line 4.*'N1'"),
+    "NaN in x": (rewrite(NODES, "place 1,1,", "place 1,nan,"), r"nodes\.csv, line 3.*'nan'"),
+    "inf in y": (rewrite(NODES, "place 1,1,0.5", "place 1,1,inf"), r"nodes\.csv, line 3.*'inf'"),
+    "letters in a heading": (rewrite(NODES, "57.2957795", "north"), r"nodes\.csv, line 2.*'north'"),
+    "a value too many": (rewrite(NODES, "place 1,1,", "place 1,1,1,"), r"nodes\.csv, line 3: 7 values under 6"),
+    "a column lacking": (rewrite(NODES, "heading,", ""), r"nodes\.csv, line 1: .*heading"),
+    "binary nodes.csv": (write(NODES, np.random.default_rng(0).bytes(3000)), r"nodes\.csv"),
+    "NULs in nodes.csv": (rewrite(NODES, "panoramas/N1", "pano\0ramas/N1"), r"nodes\.csv, line 3"),
+    "a panorama that is a text": (write(N1, "hello"), r"nodes\.csv, line 3: .*N1\.png"),
+    "a panorama without bytes": (write(N1, ""), r"nodes\.csv, line 3: .*N1\.png"),
+    "a truncated panorama": (truncate(N1), r"nodes\.csv, line 3: .*N1\.png"),
+    "a panorama missing": (remove(N1), r"nodes\.csv, line 3: .*N1\.png"),
+    "a panorama of another width": (picture(N1, 72, 800), r"nodes\.csv, line 3: .*800.*864"),
+    "no panorama where ima needs one": (rewrite(NODES, "panoramas/N1.png", ""), r"map.*ima needs a panorama.*N1"),
+    "an edge to nowhere": (write(EDGES, "a,b\nN0,N7\n"), r"edges\.csv, line 2.*'N7'"),
+    "TOML syntax": (rewrite(MAP_TOML, "width = ", "width "), r"map\.toml.*line \d"),
+    "unknown TOML key": (rewrite(MAP_TOML, "width", "with"), r"map\.toml.*'with'.*width"),
+    "hfov 0": (rewrite(MAP_TOML, "hfov_deg = 40.0", "hfov_deg = 0"), r"map\.toml.*hfov_deg"),
+    "hfov negative": (rewrite(MAP_TOML, "hfov_deg = 40.0", "hfov_deg = -40"), r"map\.toml.*hfov_deg"),
+    "hfov a text": (rewrite(MAP_TOML, "hfov_deg = 40.0", 'hfov_deg = "40 deg"'), r"map\.toml.*hfov_deg"),
+    "camera is a number": (write(MAP_TOML, "camera = 5\n"), r"map\.toml.*camera"),
+    "rgb.txt missing": (remove(RGB), r"recording: holds neither rgb\.txt"),
+    "rgb.txt empty": (write(RGB, ""), r"rgb\.txt: lists no pictures"),
+    "binary rgb.txt": (write(RGB, np.random.default_rng(0).bytes(3000)), r"rgb\.txt"),
+    "pictures back in time": (line_of(RGB, 4, lambda words: ["3.0", words[1]]), r"rgb\.txt, line 4: .*3\.0.*11\.0"),
+    "letters in odometry": (line_of(ODOMETRY, 3, lambda w: [w[0], "two", *w[2:]]), r"odometry\.txt, line 3: 'two'"),
+    "NaN in odometry": (line_of(ODOMETRY, 3, lambda w: [w[0], "nan", *w[2:]]), r"odometry\.txt, line 3: 'nan'"),
+    "a zero quaternion": (line_of(ODOMETRY, 5, lambda w: [*w[:4], *"0000"]), r"odometry\.txt, line 5: .*quaternion"),
+    "odometry back in time": (line_of(ODOMETRY, 5, lambda w: ["1", *w[1:]]), r"odometry\.txt, line 5: .*time"),
+    "too few values": (line_of(ODOMETRY, 5, lambda w: w[:-1]), r"odometry\.txt, line 5: 7 values"),
+    "pictures of another aspect ratio": (
+        picture("recording/rgb/000002.png", 72, 128),
+        r"rgb\.txt, line 4: .*128x72.*96x72",
+    ),
+    "another field of view": (rewrite(CAMERA_TOML, "hfov_deg = 40.0", "hfov_deg = 60"), r"camera\.toml: .*60.*40"),
+    "all pictures unreadable": (all_pictures_unreadable, r"rgb\.txt: none of its pictures.*000000\.png"),
+    "all pictures missing": (remove("recording/rgb"), r"rgb\.txt: none of its pictures.*000000\.png"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_INPUT)
+def test_bad_input(case: str, place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    spoil, says = BAD_INPUT[case]
+    spoil(place)
+    refused(localize(place), place, capfd, says)
+
+
+@pytest.mark.parametrize("case", ["map.toml missing", "repeated id", "a panorama that is a text", "hfov 0"])
+def test_check_refuses_a_map_that_cannot_be_read(case: str, place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    spoil, says = BAD_INPUT[case]
+    spoil(place)
+    refused(["check", str(place / "map")], place, capfd, says)
+
+
+@pytest.mark.parametrize("case", ["letters in odometry", "rgb.txt empty"])
+def test_check_refuses_a_recording_that_cannot_be_read(
+    case: str, place: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    spoil, says = BAD_INPUT[case]
+    spoil(place)
+    refused(["check", str(place / "recording")], place, capfd, says)
+
+
+LOCALIZE = ["localize", "{0}/map", "{0}/recording"]
+PANORAMA = ["panorama", "{0}/recording/rgb"]
+
+BAD_COMMANDS: dict[str, tuple[list[str], str]] = {
+    "unknown command": (["locate"], r"locate.*localize"),
+    "unknown sensor": ([*LOCALIZE, "-o", "{0}/run", "--sensor", "imma"], r"no sensor is called 'imma'.*histogram, ima"),
+    "unknown estimator": ([*LOCALIZE, "-o", "{0}/run", "--estimator", "kalm"], r"estimator.*'kalm'.*activity"),
+    "unknown option": ([*LOCALIZE, "-o", "{0}/run", "--sensr", "ima"], r"--sensr"),
+    "output not named": (LOCALIZE, r"--output"),
+    "recording not named": (["localize", "{0}/map", "-o", "{0}/run"], r"(?i)recording"),
+    "an argument too many": ([*LOCALIZE, "more", "-o", "{0}/run"], r"more"),
+    "seed in letters": ([*LOCALIZE, "-o", "{0}/run", "--seed", "x"], r"(?i)seed"),
+    "seed negative": ([*LOCALIZE, "-o", "{0}/run", "--seed", "-1"], r"(?i)seed"),
+    "output exists": ([*LOCALIZE, "-o", "{0}/map"], r"map: already exists.*--overwrite"),
+    "output seen before any work": (["localize", "{0}/no", "{0}/no", "-o", "{0}/map"], r"map: already exists"),
+    "output is a file": ([*LOCALIZE, "-o", "{0}/map/map.toml"], r"map\.toml: already exists.*--overwrite"),
+    "output is a file, overwriting": ([*LOCALIZE, "-o", "{0}/map/map.toml", "--overwrite"], r"map\.toml: "),
+    "output below a file": ([*LOCALIZE, "-o", "{0}/map/map.toml/run"], r"map\.toml/run: cannot be written"),
+    "a map for a recording": (["localize", "{0}/map", "{0}/map", "-o", "{0}/run"], r"map: holds neither rgb\.txt"),
+    "a recording for a map": (["localize", "{0}/recording", "{0}/map", "-o", "{0}/run"], r"recording/map\.toml"),
+    "check nothing": (["check"], r"(?i)path"),
+    "check nowhere": (["check", "{0}/nowhere"], r"nowhere: no such folder"),
+    "check a file": (["check", "{0}/map/map.toml"], r"map\.toml"),
+    "check neither": (["check", "{0}"], r"neither a map nor a recording"),
+    "list something else": (["list", "cameras"], r"cameras.*sensors"),
+    "unknown world": (["simulate", "moon", "-o", "{0}/run"], r"no world is called 'moon'.*lab"),
+    "unknown setting": (["simulate", "lab", "-o", "{0}/run", "--set", "lap=1"], r"'lap'.*laps"),
+    "unknown nested setting": (["simulate", "lab", "-o", "{0}/run", "--set", "drift.x=1"], r"'x'"),
+    "no setting": (["simulate", "lab", "-o", "{0}/run", "--set", "laps"], r"'laps'.*key=value"),
+    "setting of letters": (["simulate", "lab", "-o", "{0}/run", "--set", "laps=two"], r"laps is 'two'"),
+    "setting out of range": (["simulate", "lab", "-o", "{0}/run", "--set", "age=7"], r"age is 7"),
+    "simulate with a negative seed": (["simulate", "lab", "-o", "{0}/run", "--seed", "-1"], r"(?i)seed"),
+    "simulate over something": (["simulate", "lab", "-o", "{0}/map"], r"map: already exists.*--overwrite"),
+    "simulate nowhere": (["simulate", "lab"], r"--output"),
+    "snapshots missing": (["panorama", "{0}/nowhere", "-o", "{0}/p.png"], r"nowhere: no such folder"),
+    "snapshots a file": (["panorama", "{0}/map/map.toml", "-o", "{0}/p.png"], r"map\.toml: "),
+    "no snapshots": (["panorama", "{0}/recording", "-o", "{0}/p.png"], r"recording: holds 0 pictures"),
+    "unknown method": ([*PANORAMA, "-o", "{0}/p.png", "--method", "magic"], r"'magic'.*thesis"),
+    "no field of view": ([*PANORAMA, "-o", "{0}/p.png", "--hfov-deg", "0"], r"hfov_deg"),
+    "field of view in letters": ([*PANORAMA, "-o", "{0}/p.png", "--hfov-deg", "wide"], r"(?i)hfov.deg"),
+    "field of view NaN": ([*PANORAMA, "-o", "{0}/p.png", "--hfov-deg", "nan"], r"hfov_deg"),
+    "no slots": ([*PANORAMA, "-o", "{0}/p.png", "--slots", "0"], r"slots is 0"),
+    "no format": ([*PANORAMA, "-o", "{0}/p"], r"/p: .*\.png"),
+    "a format that is none": ([*PANORAMA, "-o", "{0}/p.csv"], r"p\.csv: .*\.png"),
+    "panorama below a file": ([*PANORAMA, "-o", "{0}/map/map.toml/p.png"], r"p\.png: cannot be written"),
+    "panorama not named": (PANORAMA, r"--output"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_COMMANDS)
+def test_bad_commands(case: str, place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    arguments, says = BAD_COMMANDS[case]
+    refused([word.format(place) for word in arguments], place, capfd, says)
+
+
+BAD_SNAPSHOTS: dict[str, tuple[Spoil, str]] = {
+    "only one": (
+        lambda folder: [(folder / f"{i:02d}.png").unlink() for i in range(1, 12)],
+        r"snapshots: holds 1 picture",
+    ),
+    "one is a text": (write("03.png", "hello"), r"03\.png: does not decode"),
+    "one is truncated": (truncate("03.png"), r"03\.png: does not decode"),
+    "one has no bytes": (write("03.png", ""), r"03\.png: does not decode"),
+    "one of another size": (picture("03.png", 36, 48), r"/snapshots.*sizes.*48x36"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_SNAPSHOTS)
+def test_bad_snapshots(case: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    spoil, says = BAD_SNAPSHOTS[case]
+    folder = snapshots_of(tmp_path / "snapshots")
+    spoil(folder)
+    refused(["panorama", str(folder), "-o", str(tmp_path / "p.png")], tmp_path, capfd, says)
+
+
+class TestCheck:
+    def test_nothing_found(self, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run(["check", str(place / "map")]) == 0
+        out = capsys.readouterr().out
+        assert "map 'tiny': 3 nodes, 2 edges, 3 panoramas, 0 views" in out and "nothing found" in out
+        assert run(["check", str(place / "recording")]) == 0
+        assert "recording: 7 frames in 6.0 s, with odometry, truth" in capsys.readouterr().out
+
+    @pytest.mark.parametrize(
+        ("spoil", "path", "says"),
+        [
+            (lambda place: write_image(place / N1, np.full((72, 864, 3), 5, np.uint8)), "map", "node N1 is very dark"),
+            (lambda place: write_image(place / N1, noise_circle(1) * (np.arange(864) < 648)[:, None].astype(np.uint8)),
+             "map", "90 degrees of the panorama of node N1 are black"),
+            (rewrite(NODES, "panoramas/N1.png", ""), "map", "without a panorama: N1"),
+            (rewrite(NODES, "place 1,1,", "place 1,0.01,"), "map", "nodes N0 and N1 are less than 5 cm apart"),
+            (write("recording/rgb/000003.png", "hello"), "recording", r"rgb\.txt, line 5: 000003\.png does not decode"),
+            (picture("recording/rgb/000003.png", 36, 48), "recording", r"rgb\.txt: .*sizes.*48x36 \(line 5\)"),
+            (remove(ODOMETRY), "recording", r"there is no odometry\.txt"),
+            (line_of(ODOMETRY, 4, lambda w: [w[0], "900", *w[2:]]), "recording", r"odometry\.txt: .*odometer moves"),
+            (line_of(RGB, 8, lambda w: ["100.0", w[1]]), "recording", r"rgb\.txt: line 8 comes 85\.0 s after"),
+        ],
+        ids=["dark", "black", "no panorama", "close", "unreadable", "sizes", "no odometry", "jump", "gap"],
+    )  # fmt: skip
+    def test_findings_come_with_a_place_and_a_remedy(
+        self, spoil: Spoil, path: str, says: str, place: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        spoil(place)
+        assert run(["check", str(place / path)]) == 1
+        findings = [line for line in capsys.readouterr().out.splitlines() if line.startswith("- ")]
+        assert any(re.search(says, line) and "; " in line for line in findings), findings
+
+
+class TestList:
+    @pytest.mark.parametrize("kind", ["sensors", "estimators", "worlds", "panoramas", "commands"])
+    def test_one_kind(self, kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run(["list", kind]) == 0
+        out = capsys.readouterr().out
+        assert out.lstrip().startswith(kind)
+        assert all(re.search(rf"\b{name}\b", out) for name in plugins.names(f"topoloc.{kind}"))
+
+    def test_all(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run(["list"]) == 0
+        out = capsys.readouterr().out
+        for title in ("sensors", "estimators", "worlds", "panoramas", "commands"):
+            assert re.search(rf"^\s*{title}\s*$", out, re.MULTILINE)
+        assert "slots=8" in re.sub(r"[\s│]+", "", out) and "best-match" in out
+
+
+class TestInAProcessOfItsOwn:
+    def test_version(self) -> None:
+        done = topoloc("--version")
+        assert (done.returncode, done.stdout.strip(), done.stderr) == (0, __version__, "")
+
+    def test_a_mistake(self, tmp_path: Path) -> None:
+        done = topoloc("localize", str(tmp_path / "map"), "rec", "-o", str(tmp_path / "run"))
+        assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+        assert done.stderr.startswith(f"topoloc: {tmp_path / 'map'}: no such folder; ")
+        assert list(tmp_path.iterdir()) == []
+
+    def test_a_truncated_panorama(self, place: Path) -> None:
+        """Whatever an image library writes to the error stream by itself must not be seen."""
+        truncate(N1)(place)
+        done = topoloc("check", str(place / "map"))
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+        assert "N1.png" in done.stderr
+
+    @pytest.mark.parametrize("arguments", [["--help"], ["localize", "--help"], ["list", "--help"]])
+    def test_help_is_quick_because_it_loads_little(self, arguments: list[str]) -> None:
+        code = (
+            "import sys\nfrom topoloc.cli.main import run\n"
+            f"code = run({arguments!r})\n"
+            "print(code, *sorted({name.partition('.')[0] for name in sys.modules}), file=sys.stderr)"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        code_and_modules = done.stderr.split()
+        assert code_and_modules[0] == "0" and "Usage: topoloc" in done.stdout
+        assert not {"cv2", "sklearn", "matplotlib", "joblib", "sensors", "estimators"} & set(code_and_modules)
+
+    def test_without_arguments_it_shows_the_commands(self) -> None:
+        done = topoloc()
+        assert done.returncode == 0 and "localize" in done.stdout and done.stderr == ""
+
+
+def test_a_defect_of_ours_is_not_blamed_on_the_user(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(group: str, name: str) -> object:
+        raise ZeroDivisionError("ours")
+
+    monkeypatch.setattr("topoloc.cli.main.load", broken)
+    assert run(["check", "x"]) == 70
+    err = capsys.readouterr().err
+    assert "ZeroDivisionError: ours" in err and "defect of topoloc" in err
+
+
+def test_from_nothing_to_a_located_robot(tmp_path: Path) -> None:
+    """simulate lab -> check -> localize, as the README says it."""
+    made = topoloc("simulate", "lab", "-o", str(tmp_path / "lab"), "--seed", "1", "--set", "updates=3")
+    assert (made.returncode, made.stderr) == (0, "")
+    assert "8 nodes" in made.stdout and "3 frames" in made.stdout and "next: topoloc localize" in made.stdout
+    assert {p.name for p in (tmp_path / "lab").iterdir()} == {"map", "recording"}
+    for part in ("map", "recording"):
+        assert run(["check", str(tmp_path / "lab" / part)]) == 0
+    assert run(["localize", *(str(tmp_path / "lab" / part) for part in ("map", "recording")), "-o",
+                str(tmp_path / "run"), "--estimator", "best-match"]) == 0  # fmt: skip
+    rows = rows_of(tmp_path / "run" / "steps.csv")
+    ids = [node.id for node in TopoMap.load(tmp_path / "lab" / "map").nodes]
+    assert len(rows) == 3 and len(ids) == 8 and {row["node"] for row in rows} <= {*ids, ""}
+    assert json.loads((tmp_path / "run" / "metrics.json").read_text())["steps"] >= 1
+    assert read_image(tmp_path / "run" / "plan.png").ndim == 3

@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from topoloc.estimate import EstimateRule, estimate_from, mean_and_covariance, node_masses
+from topoloc.topo_map import Camera, Node, TopoMap
+from topoloc.types import Status, WeightedPoses
+
+LINE = TopoMap("line", Camera(), tuple(Node(str(i), "", float(i), 0.0) for i in range(4)))
+
+
+def belief_of(rows: list[tuple[float, float, float]], weights: list[float], spread: float = 0.0) -> WeightedPoses:
+    with np.errstate(divide="ignore"):
+        return WeightedPoses(np.array(rows), np.log(np.array(weights)), np.full(3, spread))
+
+
+def test_node_masses_are_shares_of_the_belief_nearest_to_each_node() -> None:
+    belief = belief_of([(0.1, 0.3, 0), (-5, 0, 0), (1.4, 0, 0), (1.6, 0, 0)], [1, 2, 3, 4])
+    assert node_masses(belief, LINE) == pytest.approx([0.3, 0.3, 0.4, 0.0])
+
+
+class TestMoments:
+    def test_headings_on_the_circle(self) -> None:
+        poses = np.array([[0.0, 0.0, math.pi - 0.1], [2.0, 0.0, -math.pi + 0.3]])
+        mean, covariance = mean_and_covariance(poses, np.array([1.0, 1.0]), np.zeros(3))
+        assert mean == pytest.approx([1.0, 0.0, -math.pi + 0.1])
+        assert covariance[2, 2] == pytest.approx(0.04)
+        assert covariance[0, 2] == pytest.approx(0.2)
+        assert covariance[0, 0] == pytest.approx(1.0)
+
+    def test_against_numpy(self) -> None:
+        rng = np.random.default_rng(0)
+        poses, weights = rng.normal(0, 0.3, (50, 3)), rng.uniform(0, 1, 50)
+        mean, covariance = mean_and_covariance(poses, weights, np.zeros(3))
+        assert mean[:2] == pytest.approx(np.average(poses[:, :2], axis=0, weights=weights))
+        assert covariance[:2, :2] == pytest.approx(np.cov(poses[:, :2].T, aweights=weights, ddof=0))
+
+    def test_the_spread_is_added_to_the_diagonal(self) -> None:
+        spread = np.array([0.1, 0.2, 0.3])
+        _, covariance = mean_and_covariance(np.array([[1.0, 2.0, 3.0]]), np.ones(1), spread)
+        assert covariance == pytest.approx(np.diag(spread))
+
+
+class TestEstimate:
+    def test_the_leading_mode(self) -> None:
+        rows = [(0.0, 0.0, 3.1), (0.0, 0.2, -3.1), (3.0, 0.0, 1.0)]
+        estimate = estimate_from(belief_of(rows, [0.4, 0.4, 0.2], 0.01), LINE)
+        assert (estimate.node, estimate.status) == (0, Status.LOCALIZED)
+        assert estimate.probability == pytest.approx(0.8)
+        assert estimate.pose[:2] == pytest.approx([0.0, 0.1])
+        assert abs(estimate.pose[2]) == pytest.approx(math.pi)
+        beside = math.pi - 3.1
+        assert np.diag(estimate.covariance) == pytest.approx([0.01, 0.01 + 0.1**2, 0.01 + beside**2])
+
+    def test_a_mode_does_not_end_at_a_nodes_border(self) -> None:
+        """A cloud halfway between two nodes: the mode holds both halves, though one node leads."""
+        rows = [(0.3, 0.0, 0.0), (0.45, 0.0, 0.0), (0.6, 0.0, 0.0)]
+        estimate = estimate_from(belief_of(rows, [1, 1, 1]), LINE)
+        assert estimate.node == 0
+        assert estimate.pose[0] == pytest.approx(0.45)
+        narrow = estimate_from(belief_of(rows, [1, 1, 1]), LINE, rule=EstimateRule(mode_radius_m=0.2))
+        assert narrow.pose[0] == pytest.approx(0.375)
+
+    def test_a_share_spread_wide_around_an_empty_middle(self) -> None:
+        rows = [(0.0, 5.0, 0.0), (0.0, -5.0, 0.0)]
+        estimate = estimate_from(belief_of(rows, [1, 1]), LINE)
+        assert estimate.pose[:2] == pytest.approx([0.0, 0.0])
+        assert estimate.covariance[1, 1] == pytest.approx(25.0)
+
+    def test_a_tie_names_no_node_and_is_lost(self) -> None:
+        estimate = estimate_from(belief_of([(0, 0, 0), (2, 0, 0)], [1, 1]), LINE)
+        assert (estimate.node, estimate.probability, estimate.status) == (None, 0.0, Status.LOST)
+        assert np.isfinite(estimate.pose).all() and np.isfinite(estimate.covariance).all()
+
+    def test_nearly_a_tie_names_the_leader(self) -> None:
+        assert estimate_from(belief_of([(0, 0, 0), (2, 0, 0)], [1.0, 1.0001]), LINE).node == 2
+
+    @pytest.mark.parametrize(
+        ("share", "status"),
+        [(0.69, Status.AMBIGUOUS), (0.71, Status.LOCALIZED), (0.31, Status.AMBIGUOUS), (0.29, Status.LOST)],
+    )
+    def test_the_status_follows_the_probability(self, share: float, status: Status) -> None:
+        rest = (1.0 - share) / 3.0
+        belief = belief_of([(float(i), 0, 0) for i in range(4)], [share, rest, rest, rest])
+        estimate = estimate_from(belief, LINE)
+        assert (estimate.node, estimate.status) == (0, status)
+        assert estimate.probability == pytest.approx(share)
+
+    def test_the_formula(self) -> None:
+        rule = EstimateRule(bias=-0.5, gain=2.0, evidence_gain=0.3)
+        estimate = estimate_from(belief_of([(0, 0, 0), (1, 0, 0)], [0.8, 0.2]), LINE, -2.0, rule)
+        assert estimate.probability == pytest.approx(1.0 / (1.0 + math.exp(-(-0.5 + 2.0 * math.log(4.0) - 0.6))))
+
+    def test_by_default_the_belief_is_taken_at_its_word(self) -> None:
+        belief = belief_of([(0, 0, 0), (1, 0, 0)], [0.8, 0.2])
+        assert estimate_from(belief, LINE).probability == pytest.approx(0.8)
+
+    def test_bad_evidence_makes_a_sure_belief_lost(self) -> None:
+        rule = EstimateRule(evidence_gain=0.3)
+        estimate = estimate_from(belief_of([(0, 0, 0)], [1.0]), LINE, -1000.0, rule)
+        assert 0.0 <= estimate.probability < 1e-6
+        assert (estimate.node, estimate.status) == (0, Status.LOST)
+
+    def test_certainty_stays_below_one(self) -> None:
+        estimate = estimate_from(belief_of([(0, 0, 0)], [1.0]), LINE)
+        assert 0.99 < estimate.probability < 1.0
+        assert np.isfinite(estimate.covariance).all()
+
+    def test_a_map_of_one_node(self) -> None:
+        one = TopoMap("one", Camera(), (Node("1", "", 0.0, 0.0),))
+        assert estimate_from(belief_of([(9, 9, 0)], [1.0]), one).node == 0
+
+    def test_weights_of_zero_do_not_matter(self) -> None:
+        rows = [(0.0, 0.0, 0.5), (0.1, 0.0, -2.0)]
+        estimate = estimate_from(belief_of(rows, [1.0, 0.0]), LINE)
+        assert estimate.pose == pytest.approx([0.0, 0.0, 0.5])

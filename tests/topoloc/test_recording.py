@@ -1,0 +1,269 @@
+"""A recording as a folder: written, read back, interpolated, and each mistake named with its line and a remedy."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from topoloc.errors import InputError, UnreadableImage, UserError
+from topoloc.files import write_image
+from topoloc.geometry import wrap
+from topoloc.recording import LazyImages, Mount, Recording, Track, write_track
+from topoloc.recording_folder import RecordingWriter
+from topoloc.topo_map import Camera
+from topoloc.types import Frame
+
+CAMERA = Camera(40.0, 16, 12)
+RNG = np.random.default_rng(0)
+
+
+def picture(rows: int = 12, columns: int = 16) -> np.ndarray:
+    return RNG.integers(0, 256, (rows, columns, 3)).astype(np.uint8)
+
+
+class TestRoundTrip:
+    def test_everything_comes_back(self, tmp_path: Path) -> None:
+        mount = np.array([0.1, -0.05, 0.4])
+        poses = [np.array([0.1 * i, -0.2 * i, wrap(3.0 + 0.1 * i)]) for i in range(4)]
+        truth = [np.array([5.0, 0.3 * i, wrap(-3.0 - 0.1 * i)]) for i in range(4)]
+        frames = [Frame(1.5 + i / 3, pose, mount, {"rgb": picture()}) for i, pose in enumerate(poses)]
+        writer = RecordingWriter(tmp_path / "r", CAMERA)
+        for frame, true in zip(frames, truth, strict=True):
+            writer.add(frame, true)
+        writer.close()
+        recording = Recording.load(tmp_path / "r")
+        assert (recording.kind, recording.camera, len(recording)) == ("rgb", CAMERA, 4)
+        assert recording.mount == Mount(0.1, -0.05, pytest.approx(math.degrees(0.4)))
+        assert recording.truth is not None and recording.pan is None
+        for frame, true, read in zip(frames, truth, recording, strict=True):
+            assert read.timestamp == pytest.approx(frame.timestamp, abs=1e-6)
+            assert read.odometry is not None and frame.odometry is not None
+            assert read.odometry == pytest.approx(frame.odometry, abs=1e-6)
+            assert read.camera == pytest.approx(mount)
+            assert recording.truth.at(read.timestamp) == pytest.approx(true, abs=1e-6)
+            assert set(read.images) == {"rgb"}
+            assert np.array_equal(read.images["rgb"], frame.images["rgb"])
+
+    def test_without_odometry_and_truth(self, tmp_path: Path) -> None:
+        writer = RecordingWriter(tmp_path / "r", CAMERA)
+        writer.add(Frame(0.0, None, np.zeros(3), {"rgb": picture()}))
+        writer.close()
+        recording = Recording.load(tmp_path / "r")
+        assert recording.odometry is None and recording.truth is None
+        assert next(iter(recording)).odometry is None
+
+    def test_a_trajectory_is_a_tum_file(self, tmp_path: Path) -> None:
+        write_track(tmp_path / "t.txt", [0.0, 1.0], np.array([[1.0, 2.0, 0.0], [0.0, 0.0, math.pi / 2]]))
+        rows = [line.split() for line in (tmp_path / "t.txt").read_text().splitlines() if not line.startswith("#")]
+        assert [len(row) for row in rows] == [8, 8]
+        assert [float(word) for word in rows[0]] == pytest.approx([0, 1, 2, 0, 0, 0, 0, 1])
+        assert [float(word) for word in rows[1]] == pytest.approx([1, 0, 0, 0, 0, 0, math.sqrt(0.5), math.sqrt(0.5)])
+
+
+class TestTrack:
+    def test_interpolates_between_readings(self) -> None:
+        track = Track(np.array([0.0, 2.0]), np.array([[0.0, 4.0, 0.2], [1.0, 0.0, 0.6]]))
+        assert track.at(0.5) == pytest.approx([0.25, 3.0, 0.3])
+
+    @pytest.mark.parametrize(("start", "end"), [(3.0, -3.0), (-3.0, 3.0)])
+    def test_headings_go_the_short_way_across_the_seam(self, start: float, end: float) -> None:
+        track = Track(np.array([0.0, 1.0, 2.0]), np.array([[0, 0, 0.0], [0, 0, start], [0, 0, end]]))
+        quarter = float(track.at(1.25)[2])
+        assert abs(float(wrap(quarter - start))) == pytest.approx(0.25 * (2 * math.pi - 6.0))
+        assert abs(quarter) > 3.0
+        assert -math.pi <= track.at(1.5)[2] < math.pi
+
+    def test_stands_still_before_and_after(self) -> None:
+        track = Track(np.array([1.0, 2.0]), np.array([[0.0, 0.0, 0.1], [1.0, 1.0, 0.2]]))
+        assert track.at(-5.0) == pytest.approx([0.0, 0.0, 0.1])
+        assert track.at(99.0) == pytest.approx([1.0, 1.0, 0.2])
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A recording written by hand: three pictures, an odometer at other times, a camera."""
+    where = tmp_path / "rec"
+    where.mkdir()
+    (where / "rgb.txt").write_text("# timestamp path\n1.0 a.png\n2.0 b.png\n\n3.0 c.png\n")
+    for name in "abc":
+        write_image(where / f"{name}.png", picture())
+    half = math.sqrt(0.5)
+    (where / "odometry.txt").write_text(
+        "# timestamp tx ty tz qx qy qz qw\n0.5 0 0 0 0 0 0 1\n"
+        f"2.5 2 0 0 0 0 {half} {half}\n3.5 2 1 0 0 0 {half} {half}\n"
+    )
+    (where / "camera.toml").write_text("hfov_deg = 40\nwidth = 16\nheight = 12\n\n[mount]\nx = 0.1\nyaw_deg = 30\n")
+    return where
+
+
+class TestByHand:
+    def test_odometry_at_the_times_of_the_pictures(self, folder: Path) -> None:
+        poses = [frame.odometry for frame in Recording.load(folder)]
+        assert np.array(poses) == pytest.approx(
+            np.array([[0.5, 0, math.pi / 8], [1.5, 0, 3 * math.pi / 8], [2, 0.5, math.pi / 2]])
+        )
+
+    def test_the_mount_and_the_pan_add_up(self, folder: Path) -> None:
+        frames = list(Recording.load(folder))
+        assert frames[0].camera == pytest.approx([0.1, 0.0, math.radians(30)])
+        (folder / "pan.txt").write_text("1.0 0\n2.0 -90\n3.0 170\n")
+        turned = [frame.camera for frame in Recording.load(folder)]
+        assert np.array(turned)[:, 0] == pytest.approx([0.1, 0.1, 0.1])
+        assert np.degrees([camera[2] for camera in turned]) == pytest.approx([30.0, -60.0, -160.0])
+
+    def test_a_tilted_quaternion_gives_its_heading(self, folder: Path) -> None:
+        """Yaw 60 degrees, then pitch 20: q = q_yaw * q_pitch; scaled, as loggers write them."""
+        yaw, pitch = math.radians(60) / 2, math.radians(20) / 2
+        q = np.array([-math.sin(yaw) * math.sin(pitch), math.cos(yaw) * math.sin(pitch),
+                      math.sin(yaw) * math.cos(pitch), math.cos(yaw) * math.cos(pitch)])  # fmt: skip
+        (folder / "odometry.txt").write_text("1 0 0 0 " + " ".join(str(3.0 * part) for part in q) + "\n")
+        track = Recording.load(folder).odometry
+        assert track is not None and track.poses[0, 2] == pytest.approx(math.radians(60))
+
+    def test_pictures_are_read_only_when_asked_for_and_once(
+        self, folder: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        read: list[str] = []
+
+        def reader(path: Path) -> np.ndarray:
+            read.append(path.name)
+            return picture()
+
+        monkeypatch.setattr("topoloc.recording.read_image", reader)
+        frames = list(Recording.load(folder))
+        assert list(frames[1].images) == ["rgb"] and len(frames[1].images) == 1
+        assert read == []
+        assert frames[1].images["rgb"] is frames[1].images["rgb"]
+        assert read == ["b.png"]
+
+    def test_asking_for_a_kind_does_not_read_it(self) -> None:
+        def refuse() -> np.ndarray:
+            raise UnreadableImage("x.png", "does not decode", "save it again")
+
+        assert "rgb" in LazyImages({"rgb": refuse})
+
+    def test_lazy_images_know_their_kinds(self) -> None:
+        images = LazyImages({"rgb": picture})
+        assert list(images) == ["rgb"] and "omni" not in images
+        with pytest.raises(KeyError):
+            images["omni"]
+
+    def test_other_kinds_join_the_nearest_frame_within_50_ms(self, folder: Path) -> None:
+        (folder / "right.txt").write_text("1.04 a.png\n2.06 b.png\n2.99 c.png\n")
+        kinds = [set(frame.images) for frame in Recording.load(folder)]
+        assert kinds == [{"rgb", "right"}, {"rgb"}, {"rgb", "right"}]
+
+    def test_omni_pictures_alone(self, folder: Path) -> None:
+        """An omnidirectional picture has no aspect ratio that a map's camera could tell."""
+        (folder / "rgb.txt").rename(folder / "omni.txt")
+        recording = Recording.load(folder).on(Camera(40.0, 1600, 10))
+        assert recording.kind == "omni"
+        assert [set(frame.images) for frame in recording] == [{"omni"}] * 3
+        assert next(iter(recording)).images["omni"].shape == (12, 16, 3)
+
+    def test_without_a_camera_file_any_field_of_view_suits(self, folder: Path) -> None:
+        (folder / "camera.toml").unlink()
+        recording = Recording.load(folder).on(Camera(90.0, 16, 12))
+        assert recording.camera is None and recording.mount == Mount()
+
+    def test_an_undecodable_picture_is_an_unreadable_image(self, folder: Path) -> None:
+        (folder / "b.png").write_text("not a picture")
+        frames = list(Recording.load(folder))
+        assert frames[0].images["rgb"].shape == (12, 16, 3)
+        with pytest.raises(UnreadableImage, match=r"b\.png: does not decode"):
+            frames[1].images["rgb"]
+
+    def test_a_missing_picture_is_an_unreadable_image(self, folder: Path) -> None:
+        (folder / "b.png").unlink()
+        with pytest.raises(UnreadableImage, match=r"b\.png: cannot be read"):
+            list(Recording.load(folder))[1].images["rgb"]
+
+    def test_a_picture_of_another_aspect_ratio_names_its_line(self, folder: Path) -> None:
+        write_image(folder / "c.png", picture(24, 16))
+        frames = list(Recording.load(folder).on(CAMERA))
+        assert frames[0].images["rgb"] is not None
+        with pytest.raises(InputError, match=r"rgb\.txt, line 5: c\.png is 16x24.*16x12.*; ") as caught:
+            frames[2].images["rgb"]
+        assert not isinstance(caught.value, UnreadableImage), "it must stop the run, not pass for a blind frame"
+
+    def test_a_picture_of_another_size_but_the_same_ratio_is_fine(self, folder: Path) -> None:
+        write_image(folder / "a.png", picture(24, 32))
+        assert next(iter(Recording.load(folder).on(CAMERA))).images["rgb"].shape == (24, 32, 3)
+
+    @pytest.mark.parametrize(("hfov", "fine"), [(40.5, True), (40.9, False), (60.0, False)])
+    def test_another_field_of_view_is_refused(self, hfov: float, fine: bool, folder: Path) -> None:
+        recording = Recording.load(folder)
+        if fine:
+            assert recording.on(replace(CAMERA, hfov_deg=hfov)).expected is not None
+        else:
+            with pytest.raises(InputError, match=r"camera\.toml: hfov_deg is 40, but the map.*; "):
+                recording.on(replace(CAMERA, hfov_deg=hfov))
+
+
+def rewrite(name: str, old: str, new: str) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        text = (folder / name).read_text()
+        assert old in text
+        (folder / name).write_text(text.replace(old, new, 1))
+
+    return change
+
+
+def write(name: str, data: str | bytes) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        (folder / name).write_bytes(data.encode() if isinstance(data, str) else data)
+
+    return change
+
+
+BAD = {
+    "rgb.txt missing": (lambda folder: (folder / "rgb.txt").unlink(), r"rec: holds neither rgb\.txt nor omni\.txt"),
+    "rgb.txt empty": (write("rgb.txt", ""), r"rgb\.txt: lists no pictures"),
+    "only comments": (write("rgb.txt", "# timestamp path\n"), r"rgb\.txt: lists no pictures"),
+    "rgb.txt binary": (write("rgb.txt", bytes(range(256))), r"rgb\.txt: .*text"),
+    "NUL in a path": (rewrite("rgb.txt", "b.png", "b\0.png"), r"rgb\.txt, line 3|\.png: cannot be read"),
+    "three words": (rewrite("rgb.txt", "2.0 b.png", "2.0 b.png 7"), r"rgb\.txt, line 3: 3 words"),
+    "one word": (rewrite("rgb.txt", "2.0 b.png", "b.png"), r"rgb\.txt, line 3: 1 word"),
+    "letters for a time": (rewrite("rgb.txt", "2.0", "two"), r"rgb\.txt, line 3: 'two'"),
+    "pictures back in time": (rewrite("rgb.txt", "2.0", "0.9"), r"rgb\.txt, line 3: .*0\.9.*1\.0"),
+    "two pictures at a time": (rewrite("rgb.txt", "2.0", "1.0"), r"rgb\.txt, line 3: "),
+    "letters in odometry": (rewrite("odometry.txt", "2.5 2 0", "2.5 two 0"), r"odometry\.txt, line 3: 'two'"),
+    "NaN in odometry": (rewrite("odometry.txt", "2.5 2 0", "2.5 nan 0"), r"odometry\.txt, line 3: 'nan'"),
+    "inf in odometry": (rewrite("odometry.txt", "2.5 2 0", "inf 2 0"), r"odometry\.txt, line 3: 'inf'"),
+    "zero quaternion": (rewrite("odometry.txt", "0 0 0 1\n", "0 0 0 0\n"), r"odometry\.txt, line 2: .*quaternion"),
+    "odometry back in time": (rewrite("odometry.txt", "3.5", "2.4"), r"odometry\.txt, line 4: .*2\.4.*2\.5"),
+    "too few values": (rewrite("odometry.txt", "0.5 0 0 0", "0.5 0 0"), r"odometry\.txt, line 2: 7 values"),
+    "too many values": (rewrite("odometry.txt", "0.5 0 0 0", "0.5 0 0 0 0"), r"odometry\.txt, line 2: 9 values"),
+    "odometry empty": (write("odometry.txt", ""), r"odometry\.txt: holds no poses"),
+    "truth with letters": (write("groundtruth.txt", "1 a 0 0 0 0 0 1\n"), r"groundtruth\.txt, line 1: 'a'"),
+    "pan with letters": (write("pan.txt", "1 left\n"), r"pan\.txt, line 1: 'left'"),
+    "pan of three values": (write("pan.txt", "1 2 3\n"), r"pan\.txt, line 1: 3 values"),
+    "pan empty": (write("pan.txt", "# nothing\n"), r"pan\.txt: holds no angles"),
+    "camera syntax": (rewrite("camera.toml", "width = 16", "width 16"), r"camera\.toml.*line 2"),
+    "camera unknown key": (rewrite("camera.toml", "width", "with"), r"camera\.toml: .*'with'.*width"),
+    "mount unknown key": (rewrite("camera.toml", "yaw_deg", "yaw"), r"camera\.toml \[mount\]: .*'yaw'.*yaw_deg"),
+    "mount is a number": (write("camera.toml", "mount = 3\n"), r"camera\.toml.*mount"),
+    "hfov 0": (rewrite("camera.toml", "40", "0"), r"camera\.toml: hfov_deg is 0"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_named_with_its_place(case: str, folder: Path) -> None:
+    spoil, expected = BAD[case]
+    spoil(folder)
+    with pytest.raises(UserError) as caught:
+        [frame.images["rgb"] for frame in Recording.load(folder)]
+    message = str(caught.value)
+    assert re.search(expected, message)
+    assert "\n" not in message and ";" in message
+
+
+def test_a_folder_that_does_not_exist(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"nowhere: no such folder; name"):
+        Recording.load(tmp_path / "nowhere")
