@@ -52,7 +52,11 @@ class RecordingWriter:
         lines = [f"{time:.6f} {name}" for time, name in zip(self._times, self._names, strict=True)]
         write_text(self._folder / "rgb.txt", "# timestamp path\n" + "\n".join(lines) + "\n")
         for name, poses in (("odometry.txt", self._odometry), ("groundtruth.txt", self._truth)):
-            if len(poses) == len(self._times):
+            if len(poses) not in (0, len(self._times)):
+                raise ValueError(
+                    f"{name}: {len(poses)} poses for {len(self._times)} frames; give each frame one, or none"
+                )
+            if poses:
                 write_track(self._folder / name, self._times, np.array(poses))
         table = {**asdict(self._camera), "mount": asdict(self._mount)}
         write_text(self._folder / "camera.toml", tomli_w.dumps(table))

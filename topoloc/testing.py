@@ -75,7 +75,8 @@ def _check_belief(estimator: Estimator, topo_map: TopoMap, when: str) -> None:
     belief = estimator.belief
     assert isinstance(belief, WeightedPoses), f"belief must be WeightedPoses {when}"
     assert np.isclose(belief.weights.sum(), 1.0), f"the belief must sum to one {when}"
-    assert (np.abs(belief.poses[:, 2]) <= np.pi).all(), f"headings must lie in [-pi, pi) {when}"
+    headings = belief.poses[:, 2]
+    assert ((headings >= -np.pi) & (headings < np.pi)).all(), f"headings must lie in [-pi, pi) {when}"
     estimate = estimate_from(belief, topo_map)
     assert np.isfinite(estimate.pose).all() and np.isfinite(estimate.covariance).all(), f"no finite estimate {when}"
 

@@ -30,8 +30,9 @@ def simulate(
     from topoloc.settings import parse_words
 
     refuse_to_overwrite(output, overwrite)
-    made = plugins.make(plugins.WORLDS, world, parse_words(settings)).simulate(seed)
+    maker = plugins.make(plugins.WORLDS, world, parse_words(settings))
     with new_folder(output, overwrite) as folder:
+        made = maker.simulate(seed)
         made.topo_map.save(folder / "map")
         writer = RecordingWriter(folder / "recording", made.topo_map.camera)
         for frame, pose in track(list(zip(made.frames, made.truth, strict=True)), "rendering frames"):

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 if TYPE_CHECKING:
+    from topoloc.interfaces import Sensor
     from topoloc.localizer import Step
     from topoloc.metrics import Run
     from topoloc.recording import Recording
@@ -37,7 +38,7 @@ def localize(
     """
     from topoloc import plugins
     from topoloc.cli.progress import track
-    from topoloc.files import refuse_to_overwrite
+    from topoloc.files import new_folder, refuse_to_overwrite
     from topoloc.localizer import Localizer
     from topoloc.recording import Recording
     from topoloc.topo_map import TopoMap
@@ -45,14 +46,28 @@ def localize(
     refuse_to_overwrite(output, overwrite)
     the_map = TopoMap.load(topo_map)
     drive = Recording.load(recording).on(the_map.camera)
-    localizer = Localizer(the_map, plugins.make_sensor(sensor), plugins.make_estimator(estimator), rng=seed)
-    steps = []
-    for picture in track(drive.pictures[drive.kind], "localizing"):
-        localizer.step(drive.frame(picture))
-        assert localizer.last is not None
-        steps.append(localizer.last)
-    _refuse_darkness(drive, steps)
-    _write(output, overwrite, the_map, drive, steps, f"{sensor} with {estimator}")
+    eye = plugins.make_sensor(sensor)
+    _refuse_blindness(drive, sensor, eye)
+    with new_folder(output, overwrite) as folder:  # before the work: a place that cannot be written shows at once
+        localizer = Localizer(the_map, eye, plugins.make_estimator(estimator), rng=seed)
+        steps = []
+        for picture in track(drive.pictures[drive.kind], "localizing"):
+            localizer.step(drive.frame(picture))
+            assert localizer.last is not None  # a step was just made
+            steps.append(localizer.last)
+        _refuse_darkness(drive, steps)
+        run = _write(folder, the_map, drive, steps, f"{sensor} with {estimator}")
+    _report(output, steps, run)
+
+
+def _refuse_blindness(drive: Recording, name: str, eye: Sensor) -> None:
+    """A sensor whose kind of image was never recorded would be blind at every frame."""
+    from topoloc.errors import InputError
+
+    missing = eye.needs - frozenset(drive.pictures)
+    if missing:
+        lists = ", ".join(f"{kind}.txt" for kind in sorted(missing))
+        raise InputError(drive.folder, f"{name} needs {lists}", "record it, or choose another sensor")
 
 
 def _refuse_darkness(drive: Recording, steps: Sequence[Step]) -> None:
@@ -65,15 +80,13 @@ def _refuse_darkness(drive: Recording, steps: Sequence[Step]) -> None:
         raise InputError(listed, f"none of its pictures can be used: {looks[0].problem}", "correct the paths")
 
 
-def _write(
-    output: Path, overwrite: bool, the_map: TopoMap, drive: Recording, steps: Sequence[Step], title: str
-) -> None:
-    """Write the results, whole or not at all, and say what they are."""
+def _write(folder: Path, the_map: TopoMap, drive: Recording, steps: Sequence[Step], title: str) -> Run | None:
+    """Write the results; returns what the metrics are computed from, where there is ground truth."""
     import json
 
     import numpy as np
 
-    from topoloc.files import new_folder, write_bytes, write_csv, write_text
+    from topoloc.files import write_bytes, write_csv, write_text
     from topoloc.metrics import Run, evaluate
     from topoloc.plan import as_png, dead_reckoning, draw_plan
     from topoloc.recording import write_track
@@ -85,17 +98,15 @@ def _write(
     if drive.truth is not None:
         truth = np.array([drive.truth.at(time) for time in times])
         run = Run.of(the_map, steps, truth)
+        write_text(folder / "metrics.json", json.dumps(evaluate(run), indent=2) + "\n")
     if drive.odometry is not None:
         raw = np.array([drive.odometry.at(time) for time in times])
         odometry = dead_reckoning(raw, poses[0] if truth is None else truth[0])
-    with new_folder(output, overwrite) as folder:
-        write_track(folder / "trajectory.txt", times, poses)
-        write_csv(folder / "steps.csv", STEP_COLUMNS, [_row(the_map, step) for step in steps])
-        wrong = [] if run is None else [int(i) for i in run.updates[~run.right]]
-        write_bytes(folder / "plan.png", as_png(draw_plan(the_map, poses, truth, odometry, wrong, title)))
-        if run is not None:
-            write_text(folder / "metrics.json", json.dumps(evaluate(run), indent=2) + "\n")
-    _report(output, steps, run)
+    wrong = [] if run is None else [int(i) for i in run.updates[~run.right]]
+    write_track(folder / "trajectory.txt", times, poses)
+    write_csv(folder / "steps.csv", STEP_COLUMNS, [_row(the_map, step) for step in steps])
+    write_bytes(folder / "plan.png", as_png(draw_plan(the_map, poses, truth, odometry, wrong, title)))
+    return run
 
 
 def _row(the_map: TopoMap, step: Step) -> tuple[str, ...]:
@@ -127,15 +138,13 @@ def _report(output: Path, steps: Sequence[Step], run: Run | None) -> None:
     from topoloc.metrics import METRICS
 
     kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(Counter(step.kind for step in steps).items()))
-    console = Console()
+    print(f"{len(steps)} frames: {kinds}")
     if run is not None:
-        table = Table("metric", "value", "unit", title=f"{len(steps)} frames: {kinds}")
+        table = Table("metric", "value", "unit")
         for metric in METRICS:
             value = metric.value(run)
             table.add_row(metric.name, "" if value is None else f"{value:.3f}", metric.unit)
-        console.print(table)
-    else:
-        print(f"{len(steps)} frames: {kinds}")
+        Console().print(table)
     unreadable = [step.problem for step in steps if step.kind == "unreadable"]
     if unreadable:
         print(f"warning: {len(unreadable)} frames counted as blind, the first because {unreadable[0]}", file=sys.stderr)
