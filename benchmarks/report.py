@@ -166,7 +166,7 @@ def _plan_svg(track: Track, alternative: str) -> str:
     parts += [canvas.line(path, "truth") for path in _pieces(track.truth, track.kidnapped_at)]
     for frame, place, right in zip(track.updates, track.estimates, track.right, strict=True):
         parts += [canvas.line([track.truth[frame], place], "error"), canvas.mark(place, right)]
-    parts += [canvas.node(place, name) for place, name in zip(track.nodes, track.names, strict=True)]
+    parts += [canvas.node(place, name) for place, name in zip(track.nodes, track.ids, strict=True)]
     return (
         f'<svg viewBox="0 0 {canvas.width:.0f} {canvas.height:.0f}" role="img" aria-label="{escape(alternative)}">'
         f"<title>{escape(track.scenario)}</title>{''.join(parts)}</svg>"

@@ -66,7 +66,7 @@ class Track:
     Attributes:
         scenario, sensor, estimator, seed: which run.
         nodes, edges: of the map; edges are pairs of indices into ``nodes``.
-        names: of the nodes.
+        ids: of the nodes.
         truth: where the robot was at each frame.
         dead_reckoning: where its odometer alone would put it, from the true start on; empty without an odometer.
         updates: indices of the frames that were updates.
@@ -81,7 +81,7 @@ class Track:
     seed: int
     nodes: list[Point]
     edges: list[tuple[int, int]]
-    names: list[str]
+    ids: list[str]
     truth: list[Point]
     dead_reckoning: list[Point]
     updates: list[int]

@@ -22,10 +22,11 @@ from threadpoolctl import threadpool_limits
 from benchmarks.results import FAILED, UNAVAILABLE, Key, Point, ResultsFile, Row, Track, track_path, write_track
 from benchmarks.scenarios import Case, Scenario
 from topoloc.errors import UserError
-from topoloc.geometry import Floats, between, compose
+from topoloc.geometry import Floats
 from topoloc.interfaces import Estimator, Sensor
 from topoloc.localizer import Localizer, Step
 from topoloc.metrics import Run, evaluate
+from topoloc.plan import dead_reckoning
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Frame
 
@@ -279,7 +280,7 @@ def _track(row: Row, run: Run, case: Case) -> Track:
         seed=row.seed,
         nodes=_points(case.topo_map.positions),
         edges=[(int(a), int(b)) for a, b in np.asarray(case.topo_map.edges)],
-        names=[node.name for node in case.topo_map.nodes],
+        ids=[node.id for node in case.topo_map.nodes],
         truth=_points(case.truth),
         dead_reckoning=_points(_dead_reckoning(case)),
         updates=[int(index) for index in run.updates],
@@ -295,7 +296,7 @@ def _dead_reckoning(case: Case) -> Floats:
     known = np.array([reading for reading in readings if reading is not None])
     if len(known) < len(readings) or not readings:
         return np.zeros((0, 3))
-    return compose(case.truth[0], between(known[0], known))
+    return dead_reckoning(known, case.truth[0])
 
 
 def _points(poses: Floats) -> list[Point]:

@@ -225,21 +225,37 @@ def _read_list(path: Path) -> list[Picture]:
     return pictures
 
 
-def _read_track(path: Path) -> Track | None:
-    """A TUM trajectory, flattened to the plane; None where the file does not exist."""
+def _read_table(path: Path, columns: str) -> tuple[list[int], Floats] | None:
+    """Line numbers (N,) and numbers (N, C) of a file of numbers, its times increasing; None where it does not exist.
+
+    Args:
+        path: the file.
+        columns: their names, the first of them ``timestamp``, as an error names them.
+    """
     if not path.exists():
         return None
+    lines: list[int] = []
     rows: list[list[float]] = []
     for line, words in _lines(path):
-        if len(words) != 8:
-            raise InputError(path, f"{len(words)} values", "write 'timestamp tx ty tz qx qy qz qw'", line=line)
+        if len(words) != len(columns.split()):
+            raise InputError(path, f"{len(words)} values", f"write '{columns}'", line=line)
         rows.append(_numbers(words, path, line))
+        lines.append(line)
         _check_time(rows[-1][0], rows[-2][0] if len(rows) > 1 else -np.inf, path, line)
-        if not any(rows[-1][4:]):
-            raise InputError(path, "the quaternion is zero", "write 0 0 0 1 for no rotation", line=line)
     if not rows:
-        raise InputError(path, "holds no poses", "add lines, or delete the file if there is none")
-    table = np.array(rows)
+        raise InputError(path, "holds no lines of numbers", "add some, or delete the file")
+    return lines, np.array(rows)
+
+
+def _read_track(path: Path) -> Track | None:
+    """A TUM trajectory, flattened to the plane; None where the file does not exist."""
+    read = _read_table(path, "timestamp tx ty tz qx qy qz qw")
+    if read is None:
+        return None
+    lines, table = read
+    for line, quaternion in zip(lines, table[:, 4:], strict=True):
+        if not quaternion.any():
+            raise InputError(path, "the quaternion is zero", "write 0 0 0 1 for no rotation", line=line)
     qx, qy, qz, qw = table[:, 4:].T
     heading = np.arctan2(2.0 * (qw * qz + qx * qy), qw**2 + qx**2 - qy**2 - qz**2)
     return Track(table[:, 0], np.column_stack([table[:, 1:3], wrap(heading)]))
@@ -247,17 +263,10 @@ def _read_track(path: Path) -> Track | None:
 
 def _read_pan(path: Path) -> Track | None:
     """Angles of the pan head (degrees, counter-clockwise) as a track; None where the file does not exist."""
-    if not path.exists():
+    read = _read_table(path, "timestamp degrees")
+    if read is None:
         return None
-    rows: list[list[float]] = []
-    for line, words in _lines(path):
-        if len(words) != 2:
-            raise InputError(path, f"{len(words)} values", "write 'timestamp degrees'", line=line)
-        rows.append(_numbers(words, path, line))
-        _check_time(rows[-1][0], rows[-2][0] if len(rows) > 1 else -np.inf, path, line)
-    if not rows:
-        raise InputError(path, "holds no angles", "add lines, or delete the file if there is no pan head")
-    table = np.array(rows)
+    _, table = read
     return Track(table[:, 0], np.column_stack([np.zeros((len(table), 2)), np.deg2rad(table[:, 1])]))
 
 

@@ -234,20 +234,9 @@ def _run(folder: Path, suite: Suite, jobs: int) -> None:
 @contextmanager
 def _progress(total: int, done: int) -> Iterator[Callable[[], None]]:
     """A bar with the time left, on a terminal only."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from topoloc.cli.progress import bar
 
-    console = Console(stderr=True)
-    left = (TextColumn("left"), TimeRemainingColumn())
-    columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), *left)
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+    with bar() as progress:
         task = progress.add_task("runs", total=total, completed=done)
         yield lambda: progress.advance(task)
 

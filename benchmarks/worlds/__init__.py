@@ -6,8 +6,9 @@ and ``panorama_of`` are the parts. Pictures are simulated; nothing here was reco
 
 from __future__ import annotations
 
+from benchmarks.worlds.effects import SensorEffects, sense
 from benchmarks.worlds.lab import NODES, lab_scene
-from benchmarks.worlds.renderer import Scene, SensorEffects, Shake, render_cylinder, render_frame, sense
+from benchmarks.worlds.renderer import Scene, Shake, render_cylinder, render_frame
 from benchmarks.worlds.simulate import LabSettings, Simulation, simulate
 from benchmarks.worlds.snapshots import panorama_of
 

@@ -11,8 +11,9 @@ from scipy.signal import lfilter
 from scipy.special import ndtri
 
 from benchmarks.worlds.drive import Drift, Route, drive, odometer
+from benchmarks.worlds.effects import SensorEffects, sense
 from benchmarks.worlds.lab import NODES, lab_scene, person
-from benchmarks.worlds.renderer import EYE_M, Scene, SensorEffects, Shake, render_frame, sense
+from benchmarks.worlds.renderer import EYE_M, Scene, Shake, render_frame
 from benchmarks.worlds.snapshots import first_column_heading, panorama_of
 from topoloc.geometry import Floats, between, compose
 from topoloc.topo_map import Camera, Node, TopoMap

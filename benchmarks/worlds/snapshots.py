@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.worlds.renderer import EYE_M, Scene, SensorEffects, Shake, render_frame, sense
+from benchmarks.worlds.effects import SensorEffects, sense
+from benchmarks.worlds.renderer import EYE_M, Scene, Shake, render_frame
 from topoloc.geometry import Floats, compose
 from topoloc.topo_map import Camera
 from topoloc.types import Image

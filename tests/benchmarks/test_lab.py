@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks.worlds import NODES, LabSettings, Simulation, lab_scene, panorama_of, render_frame, simulate
 from benchmarks.worlds.drive import Drift, Route, drive, odometer
+from benchmarks.worlds.effects import SensorEffects
 from benchmarks.worlds.lab import BOTTOM, LEFT, RIGHT, TOP, person
-from benchmarks.worlds.renderer import SensorEffects
 from benchmarks.worlds.simulate import people_present
 from benchmarks.worlds.snapshots import first_column_heading, snapshot_turns
 from topoloc.geometry import Floats, between, compose

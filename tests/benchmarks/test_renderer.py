@@ -5,19 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.worlds.effects import SensorEffects, sense
 from benchmarks.worlds.renderer import (
     EYE_M,
     Atlas,
     Faces,
     Planes,
     Scene,
-    SensorEffects,
     Shake,
     focal_length,
     frame_rays,
     render_cylinder,
     render_frame,
-    sense,
 )
 from topoloc.geometry import Floats, wrap
 from topoloc.topo_map import Camera

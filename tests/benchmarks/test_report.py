@@ -22,7 +22,7 @@ TRACK = Track(
     seed=0,
     nodes=[(0.0, 0.0), (1.0, 0.0)],
     edges=[(0, 1)],
-    names=["door", "desk"],
+    ids=["door", "desk"],
     truth=[(0.0, 0.0), (0.5, 0.0), (1.0, 0.0)],
     dead_reckoning=[(0.0, 0.0), (0.5, 0.1), (99.0, 0.2)],
     updates=[0, 2],
@@ -90,7 +90,7 @@ def test_the_page_needs_nothing_from_outside() -> None:
 
 def test_hostile_names_are_escaped() -> None:
     hostile = Row(HOSTILE, HOSTILE, HOSTILE, 0, "failed", HOSTILE)
-    track = Track(**{**vars(TRACK), "scenario": HOSTILE, "sensor": HOSTILE, "names": [HOSTILE, HOSTILE]})
+    track = Track(**{**vars(TRACK), "scenario": HOSTILE, "sensor": HOSTILE, "ids": [HOSTILE, HOSTILE]})
     config = {"run": {"command": HOSTILE, "started": HOSTILE}, "scenarios": {HOSTILE: {"description": HOSTILE}}}
     page = Page(report_html([hostile], {HOSTILE: track}, config))
     assert page.tags.count("script") == 1  # our own

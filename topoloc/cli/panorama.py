@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from topoloc.types import Image
 
 PICTURE_ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm")
 
@@ -33,25 +36,14 @@ def panorama(
     from rich.console import Console
 
     from topoloc import plugins
-    from topoloc.errors import InputError
-    from topoloc.files import read_image, refuse_to_overwrite, write_csv, write_image
+    from topoloc.files import refuse_to_overwrite, write_csv, write_image
 
-    if not snapshots.is_dir():
-        raise InputError(snapshots, "no such folder", "name a folder of pictures")
-    files = sorted(path for path in snapshots.iterdir() if path.suffix.lower() in PICTURE_ENDINGS)
-    if len(files) < 2:
-        raise InputError(snapshots, f"holds {len(files)} pictures", "a panorama needs two or more that overlap")
     table = output.with_suffix(".csv")
     refuse_to_overwrite(output, overwrite)
     refuse_to_overwrite(table, overwrite)
     settings = {"slots": slots, "clahe": clahe, "hfov_deg": hfov_deg, "start_deg": start_deg}
     maker = plugins.make(plugins.PANORAMAS, method, settings)
-    pictures = [read_image(path) for path in files]
-    sizes = {path.name: f"{picture.shape[1]}x{picture.shape[0]}" for path, picture in zip(files, pictures, strict=True)}
-    odd = next((name for name, size in sizes.items() if size != sizes[files[0].name]), None)
-    if odd is not None:
-        problem = f"sizes differ: {files[0].name} is {sizes[files[0].name]}, {odd} is {sizes[odd]}"
-        raise InputError(snapshots, problem, "scale them to one size")
+    files, pictures = _read_snapshots(snapshots)
     console = Console(stderr=True)
     with console.status("aligning snapshots") as status:
         made = maker.reconstruct(
@@ -72,3 +64,22 @@ def panorama(
             f"placed some wrongly; look at the picture",
             file=sys.stderr,
         )
+
+
+def _read_snapshots(folder: Path) -> tuple[list[Path], list[Image]]:
+    """The pictures of a folder in file order, all of one size; anything else is a mistake that names the file."""
+    from topoloc.errors import InputError
+    from topoloc.files import read_image
+
+    if not folder.is_dir():
+        raise InputError(folder, "no such folder", "name a folder of pictures")
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in PICTURE_ENDINGS)
+    if len(files) < 2:
+        raise InputError(folder, f"holds {len(files)} pictures", "a panorama needs two or more that overlap")
+    pictures = [read_image(path) for path in files]
+    sizes = [f"{picture.shape[1]}x{picture.shape[0]}" for picture in pictures]
+    for path, size in zip(files, sizes, strict=True):
+        if size != sizes[0]:
+            problem = f"sizes differ: {files[0].name} is {sizes[0]}, {path.name} is {size}"
+            raise InputError(folder, problem, "scale them to one size")
+    return files, pictures
