@@ -147,16 +147,14 @@ def _plan(track: Track) -> str:
     """A drawing of one drive with its text alternative and its caption."""
     errors = [dist(track.truth[frame], place) for frame, place in zip(track.updates, track.estimates, strict=True)]
     off = f", in the median {statistics.median(errors):.2f} m off" if errors else ""
-    carried = f" The robot is carried at frame {track.kidnapped_at}." if track.kidnapped_at else ""
-    alternative = (
-        f"Plan of {track.scenario}: {len(track.nodes)} nodes, {len(track.edges)} edges, {len(track.truth)} frames. "
-        f"{track.sensor} with {track.estimator} names the right node in {sum(track.right)} of {len(track.right)} "
-        f"updates{off}.{carried}"
+    carried = "".join(f" The robot is carried at frame {frame}." for frame in track.kidnapped_at)
+    outcome = (
+        f"{track.sensor} with {track.estimator}, seed {track.seed}, names the right node in {sum(track.right)} of "
+        f"{len(track.right)} updates{off}.{carried}"
     )
-    return (
-        f"<figure>{_plan_svg(track, alternative)}<figcaption><b>{escape(track.scenario)}</b>, {escape(track.sensor)} "
-        f"with {escape(track.estimator)}, seed {track.seed}. {escape(alternative)}</figcaption></figure>"
-    )
+    alternative = f"Plan of {track.scenario} with {len(track.nodes)} nodes and {len(track.edges)} edges. {outcome}"
+    caption = f"<b>{escape(track.scenario)}</b>: {escape(outcome)}"
+    return f"<figure>{_plan_svg(track, alternative)}<figcaption>{caption}</figcaption></figure>"
 
 
 def _plan_svg(track: Track, alternative: str) -> str:
@@ -212,11 +210,12 @@ class _Canvas:
         return f'<path class="wrong" d="M{x - 7:.1f} {y - 7:.1f}l14 14m0 -14l-14 14"/>'
 
     def node(self, point: Point, name: str) -> str:
-        """A node and its name."""
+        """A node and its name, to that side of it where there is more room."""
         x, y = self._at(point)
+        side, anchor = (-12, "end") if x > 0.6 * self.width else (12, "start")
         return (
-            f'<circle class="node" cx="{x:.1f}" cy="{y:.1f}" r="9"/>'
-            f'<text x="{x + 14:.1f}" y="{y - 12:.1f}">{escape(name)}</text>'
+            f'<circle class="node" cx="{x:.1f}" cy="{y:.1f}" r="8"/>'
+            f'<text x="{x + side:.1f}" y="{y - 10:.1f}" text-anchor="{anchor}">{escape(name)}</text>'
         )
 
 
@@ -244,10 +243,10 @@ th button { all: unset; cursor: pointer; font-weight: 600; } th button:focus-vis
 th[aria-sort=ascending] button::after { content: " ▲"; } th[aria-sort=descending] button::after { content: " ▼"; }
 .plans { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr)); gap: 1.5rem; }
 figure { margin: 0; } svg { width: 100%; height: auto; border: 1px solid var(--rule); }
-svg text { font-size: 22px; fill: var(--soft); }
-polyline { fill: none; stroke-width: 4; stroke-linejoin: round; } .edge { stroke: var(--rule); stroke-width: 8; }
+svg text { font-size: 15px; fill: var(--ink); stroke: var(--paper); stroke-width: 4; paint-order: stroke; }
+polyline { fill: none; stroke-width: 3; stroke-linejoin: round; } .edge { stroke: var(--rule); stroke-width: 8; }
 .truth { stroke: var(--ink); } .reckoned { stroke: var(--orange); stroke-dasharray: 14 9; }
-.error { stroke: var(--soft); stroke-width: 2; } .right { fill: var(--blue); }
+.error { stroke: var(--soft); stroke-width: 1.5; } .right { fill: var(--blue); }
 .wrong { stroke: var(--red); stroke-width: 5; fill: none; } .node { fill: var(--paper); stroke: var(--soft);
   stroke-width: 4; }
 pre { overflow-x: auto; border: 1px solid var(--rule); padding: .8rem; }
@@ -262,7 +261,7 @@ rooms only your own recording shows.</p>
 
 <h2>Sensors and estimators</h2>
 <p class="note">Node accuracy, mean ± standard deviation over the seeds (a share of the updates; 1 is best); below it
-the median position error. A darker cell is better.</p>
+the median position error. A stronger colour is better.</p>
 $matrices
 $problems
 

@@ -33,7 +33,7 @@ class BestMatch:
     """
 
     Config = BestMatchConfig
-    estimate_rule = EstimateRule(bias=0.01, gain=0.08)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=0.01, gain=0.09)  # benchmarks/calibration.py
 
     def __init__(self, config: BestMatchConfig | None = None) -> None:
         self.config = config or BestMatchConfig()
@@ -68,7 +68,7 @@ class DeadReckoning:
     """
 
     Config = DeadReckoningConfig
-    estimate_rule = EstimateRule(bias=0.57, gain=0.08)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=0.68, gain=-0.10, mode_radius_m=np.inf)  # benchmarks/calibration.py
 
     def __init__(self, config: DeadReckoningConfig | None = None) -> None:
         self.config = config or DeadReckoningConfig()

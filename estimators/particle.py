@@ -54,7 +54,7 @@ class ParticleFilter:
     """
 
     Config = ParticleFilterConfig
-    estimate_rule = EstimateRule(bias=0.79, gain=0.34, evidence_gain=0.42)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=0.66, gain=0.44, evidence_gain=0.39)  # benchmarks/calibration.py
 
     def __init__(self, config: ParticleFilterConfig | None = None) -> None:
         self.config = config or ParticleFilterConfig()

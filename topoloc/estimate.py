@@ -26,7 +26,8 @@ class EstimateRule:
     Attributes:
         bias, gain, evidence_gain: coefficients of the formula.
         evidence_memory: share of the running log evidence that stays at each update.
-        mode_radius_m: poses within this distance of the leading node's mean make up the reported mode [m].
+        mode_radius_m: poses within this distance of the leading node's mean make up the reported mode [m]; infinity
+            for an estimator that holds one Gaussian, whose mean and covariance then come out exactly.
         localized_above: LOCALIZED from this probability on.
         lost_below: LOST below this probability.
     """

@@ -300,7 +300,7 @@ def _desk_things(desk: tuple[float, float, float], number: int, rng: np.random.G
     yield Thing("desk", desk, 0.0, number)
     yield Thing("monitor", on(side * rng.uniform(0.0, 0.25), 0.1, rng.normal(0.0, 0.15)), DESK_M)
     yield Thing("computer", on(side * rng.uniform(0.55, 0.68), 0.1), DESK_M)
-    yield Thing("chair", on(rng.normal(0.0, 0.15), -0.62, rng.normal(0.0, 0.5)), 0.0, 0, True)
+    yield Thing("chair", on(rng.normal(0.0, 0.15), -0.4, rng.normal(0.0, 0.5)), 0.0, 0, True)
     clutter = rng.permutation(["papers", "books", "carton", "plant", "lamp", "telephone", "papers"])[:4]
     for kind, x in zip(clutter, (-0.66, -0.45, -0.3, -0.55), strict=True):
         y = float(rng.uniform(-0.25, 0.25))

@@ -74,7 +74,7 @@ def test_the_page_holds_the_rows_the_plan_and_the_command() -> None:
     for expected in ("0.80 ± 0.14", "0.25 ± 0.00 m", "ValueError: a bug", "A toy.", "topoloc bench --seeds 2"):
         assert expected in text
     assert all(column in page.texts for column in COLUMNS)
-    assert "names the right node in 1 of 2 updates, in the median 0.20 m off" in text
+    assert "ima with grid, seed 0, names the right node in 1 of 2 updates, in the median 0.20 m off" in text
     assert "The worlds are simulated" in text
     assert "4 runs: 3 ok, 1 failed" in text
     assert page.tags.count("svg") == 1

@@ -127,3 +127,18 @@ def test_a_heading_less_known_than_any_is_told_as_any() -> None:
     mean, covariance = mean_and_covariance(points.poses, points.weights, points.spread)
     np.testing.assert_allclose(mean, 0.0, atol=1e-9)
     np.testing.assert_allclose(np.diag(covariance), [1.0, 1.0, 0.999 * ANY_HEADING])
+
+
+def test_the_estimate_of_dead_reckoning_is_its_gaussian_however_wide() -> None:
+    """A mode of one metre would catch two or three of the six points, and their covariance is nearly singular."""
+    reckoning = DeadReckoning()
+    start = WeightedPoses.uniform(np.array([[0.0, 0.0, 0.3]]), (0.1, 0.1, 0.02))
+    reckoning.reset(toy_map(), np.random.default_rng(0), start)
+    for _ in range(8):
+        reckoning.predict(Motion(np.array([0.3, 0.0, 0.1]), np.diag([0.2, 0.3, 0.01])))
+    belief = reckoning.belief
+    mean, covariance = mean_and_covariance(belief.poses, belief.weights, belief.spread)
+    estimate = estimate_from(belief, toy_map(), rule=DeadReckoning.estimate_rule)
+    np.testing.assert_allclose(estimate.pose, mean)
+    np.testing.assert_allclose(estimate.covariance, covariance)
+    assert np.linalg.eigvalsh(estimate.covariance).min() > 1e-3

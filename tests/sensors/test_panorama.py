@@ -113,4 +113,4 @@ def test_real_photographs_drift_where_the_exposure_changes() -> None:
     errors = np.abs(np.rad2deg(steps))
     assert (errors < 2.0).sum() >= 9
     assert errors.max() > 11.0
-    assert 0.8 < made.filled < 1.0
+    assert 0.7 < made.filled < 1.0

@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from benchmarks.cli.bench import Choice, bench
+from benchmarks.results import read_results
+from topoloc.errors import UnknownName, UserError
+
+SMALL = {"scenarios": ["lab-fresh"], "sensors": ["histogram"], "estimators": ["best-match", "grid"]}
+
+
+def test_the_command_writes_its_three_files_and_goes_on_where_it_stopped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "run"
+    bench(**SMALL, seeds=1, updates=3, jobs=1, out=folder)  # type: ignore[arg-type]
+    rows = read_results(folder / "results.csv")
+    config = tomllib.loads((folder / "config.toml").read_text())
+    assert [(row.estimator, row.status) for row in rows] == [("best-match", "ok"), ("grid", "ok")]
+    assert config["run"]["command"] == (
+        "topoloc bench --scenarios lab-fresh --sensors histogram --estimators best-match grid --seeds 1 --updates 3"
+    )
+    assert config["scenarios"]["lab-fresh"]["updates"] == 3
+    out = capsys.readouterr().out
+    assert "lab-fresh (simulated)" in out
+    assert all(str(folder / name) in out for name in ("results.csv", "config.toml", "report.html"))
+
+    text = (folder / "results.csv").read_text()
+    (folder / "results.csv").write_text(text[:-20])
+    bench(resume=folder, jobs=1)
+    again = read_results(folder / "results.csv")
+    assert [row.key for row in again] == [row.key for row in rows]
+    assert [row.values["node_accuracy"] for row in again] == [row.values["node_accuracy"] for row in rows]
+
+
+def test_the_command_that_is_written_down_is_quoted() -> None:
+    choice = Choice(("a b",), ("x",), ("y",), 1, 2)
+    assert choice.command == "topoloc bench --scenarios 'a b' --sensors x --estimators y --seeds 1 --updates 2"
+
+
+@pytest.mark.parametrize("what", ["scenarios", "sensors", "estimators"])
+def test_unknown_names_are_refused_before_anything_is_written(what: str, tmp_path: Path) -> None:
+    with pytest.raises(UnknownName, match=f"no {what[:-1]} is called 'nonsense'; choose from: "):
+        bench(**{**SMALL, what: ["nonsense"]}, out=tmp_path / "run")  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("what", ["seeds", "updates", "jobs"])
+def test_numbers_below_one_are_refused(what: str, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=f"--{what} is 0"):
+        bench(**SMALL, out=tmp_path / "run", **{what: 0})  # type: ignore[arg-type]
+
+
+def test_a_folder_that_holds_something_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(UserError, match="--resume"):
+        bench(**SMALL, out=tmp_path)  # type: ignore[arg-type]
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_resume_takes_no_other_settings_and_wants_a_run(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="leave all others"):
+        bench(resume=tmp_path, seeds=5)
+    with pytest.raises(UserError, match=r"config\.toml: no such file"):
+        bench(resume=tmp_path)
