@@ -121,8 +121,14 @@ def test_many_references_at_once_equal_one_at_a_time() -> None:
         assert together.column[k] == alone.column[0]
 
 
+def real_views() -> list[object]:
+    """All 18 real queries; most of them only in the slow tests."""
+    names = [f"{number:02d}.jpg" for number in range(18)]
+    return [name if name in ("00.jpg", "07.jpg") else pytest.param(name, marks=pytest.mark.slow) for name in names]
+
+
 @pytest.mark.skipif(not RING6_QUERIES.is_dir(), reason="the real photographs are not on this machine")
-@pytest.mark.parametrize("name", ["00.jpg", "07.jpg"])
+@pytest.mark.parametrize("name", real_views())
 def test_real_images(name: str) -> None:
     """A real view on a real panorama at the thesis's size: 54 x 72 on 54 x 648, 8 slots."""
     panorama, _ = placed_panorama()
