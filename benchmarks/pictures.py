@@ -20,7 +20,7 @@ from topoloc.plugins import make_estimator
 from topoloc.types import Image
 
 FOLDER = Path(__file__).parents[1] / "docs" / "pictures"
-SEED, UPDATES, SHOWN = 0, 48, 20
+SEED, UPDATES, SHOWN = 0, 49, 27
 
 
 def first_run() -> Figure:
