@@ -1,1 +1,1 @@
-"""Worlds, scenarios, the runner, metrics and the report."""
+"""Worlds, scenarios, the runner and the report."""

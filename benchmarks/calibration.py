@@ -25,7 +25,7 @@ from topoloc.types import Evidence, Frame
 SEEDS = (1000, 1001, 1002, 1003)
 """Far from the benchmark's, which count from 0."""
 NEAR_M, NEAR_DEG = 0.5, 25.0
-"""A hypothesis is right within this distance [m] and this turn [degrees] of the truth."""
+"""A hypothesis is right within this distance of the truth [m]; its heading is, within this turn [degrees]."""
 WORLDS = (
     LabSettings(laps=2.0),
     LabSettings(laps=2.0, people=0.35),
@@ -68,10 +68,10 @@ def fit_scale(seen: Sequence[tuple[Drive, float]]) -> Scale:
             evidence = drive.evidence[frame.timestamp].of_robot(frame.camera)
             distance = np.linalg.norm(evidence.poses[:, :2] - pose[:2], axis=1)
             turn = np.rad2deg(wrap(evidence.poses[:, 2] - pose[2]))
-            near = (distance <= NEAR_M) & (np.abs(turn) <= NEAR_DEG)
+            near = distance <= NEAR_M  # of the place: the likelihood has the heading averaged out
             above.append(evidence.match - base)
             right.append(near)
-            headings.append(turn[near])
+            headings.append(turn[near & (np.abs(turn) <= NEAR_DEG)])
     match, hit = np.concatenate(above), np.concatenate(right)
     slope, intercept = logistic(np.column_stack([match, np.ones_like(match)]), hit)
     share = float(hit.mean())

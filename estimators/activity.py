@@ -15,6 +15,10 @@ from topoloc.types import Evidence, Ints, Motion, WeightedPoses
 PLACE_SD_M, HEADING_SD_DEG = 0.3, 8.0
 """A topological position is an area, not a point (3.7): the robot drives some 30 cm off the node (5.2.3), and the
 heading that IMA gives there errs by about so much."""
+ROUNDING = 1e-9
+"""A largest deviation below this is rounding: zero, as the thesis's formula does not provide for."""
+LEAST_RESULTANT = 0.2
+"""Headings whose mean unit vector is shorter than this have no direction in common."""
 UNKNOWN_HEADINGS = np.deg2rad([-180.0, -90.0, 0.0, 90.0])
 """A hypothesis without a heading stands in the belief four times, so that its mean heading is nowhere."""
 
@@ -99,7 +103,10 @@ class ActivityTracker:
         self.last: TrackerStep | None = None
 
     def reset(self, topo_map: TopoMap, rng: np.random.Generator, prior: WeightedPoses | None = None) -> None:
-        """Every node an origin of activity 1/K with unknown heading (5.2.2), or the origins and heading of a prior."""
+        """Every node an origin of activity 1/K with unknown heading (5.2.2), or the origins and heading of a prior.
+
+        Where a prior knows no heading at its heaviest node, the direction of motions is unknown until the first win.
+        """
         del rng  # nothing here is drawn
         self._positions, self._nearest_node = topo_map.positions, topo_map.nearest_node
         self.last = None
@@ -108,7 +115,8 @@ class ActivityTracker:
         else:
             origins = _origins_of(prior, topo_map)
             best = int(np.argmax(origins.activity))
-            self.restore(origins, best, float(origins.headings[best]))
+            known = bool(np.isfinite(origins.headings[best]))
+            self.restore(origins, best if known else None, float(origins.headings[best]) if known else 0.0)
 
     def restore(self, origins: Hypotheses, best_origin: int | None, heading: float) -> None:
         """Go on from known origins: those of a saved run, or of a table of the thesis.
@@ -191,7 +199,11 @@ class ActivityTracker:
         return Hypotheses(nodes, headings, match, np.zeros(len(nodes)), virtual)
 
     def _deviations(self, destinations: Hypotheses) -> tuple[Floats, Floats]:
-        """Delta-l (3.14) and delta-phi (3.15), each (D, O): one displacement, but each origin's own heading."""
+        """Delta-l (3.14) and delta-phi (3.15), each (D, O): one displacement, but each origin's own heading.
+
+        Footnote 10 has delta-phi = 0 from a virtual origin to the virtual destination. That holds here until a win
+        corrects the odometer's heading: the virtual origin keeps the heading that it was a destination with.
+        """
         reached = self._positions[self._origins.nodes] + self._displacement
         delta_l = np.linalg.norm(self._positions[destinations.nodes][:, None] - reached[None], axis=2)
         turned = self._origins.headings + self._turned
@@ -217,7 +229,7 @@ def action_model(delta_l: Floats, delta_phi: Floats) -> Floats:
 def _gaussian(deviation: Floats) -> Floats:
     known = np.isfinite(deviation)
     sigma = float(deviation[known].max(initial=0.0))
-    if sigma == 0.0:
+    if sigma < ROUNDING:
         return np.ones_like(deviation)
     return np.where(known, np.exp(-0.5 * (np.where(known, deviation, 0.0) / sigma) ** 2), 1.0)
 
@@ -233,6 +245,12 @@ def _origins_of(prior: WeightedPoses, topo_map: TopoMap) -> Hypotheses:
     weights, nearest = prior.weights, topo_map.nearest_node(prior.poses[:, :2])
     nodes = np.unique(nearest[weights > 0.0])
     activity = np.array([weights[nearest == node].sum() for node in nodes])
-    headings = np.array([circular_mean(prior.poses[nearest == node, 2], weights[nearest == node]) for node in nodes])
+    headings = np.array([_common_heading(prior.poses[nearest == node, 2], weights[nearest == node]) for node in nodes])
     unknown = np.full(len(nodes), np.nan)
     return Hypotheses(nodes, headings, unknown, activity / activity.sum(), np.zeros(len(nodes), dtype=bool))
+
+
+def _common_heading(headings: Floats, weights: Floats) -> float:
+    """Mean heading [rad], NaN where there is no direction in common."""
+    resultant = np.abs(np.sum(weights * np.exp(1j * headings))) / weights.sum()
+    return circular_mean(headings, weights) if resultant > LEAST_RESULTANT else np.nan

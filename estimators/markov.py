@@ -57,7 +57,7 @@ class MarkovGrid:
     """
 
     Config = MarkovGridConfig
-    estimate_rule = EstimateRule(bias=1.05, gain=0.44, evidence_gain=0.31)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=1.17, gain=0.44, evidence_gain=0.37)  # benchmarks/calibration.py
 
     def __init__(self, config: MarkovGridConfig | None = None) -> None:
         self.config = config or MarkovGridConfig()

@@ -7,7 +7,6 @@ are wrong places. Their distances give the scale (DESIGN.md, "Values"): a match 
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import i0e
 
 from topoloc.geometry import Floats
 from topoloc.types import Ints
@@ -35,14 +34,15 @@ def wrong_distance(distances: Floats, nodes: Ints) -> float:
 
 
 def match_of(distance: Floats, wrong: float) -> Floats:
-    """Match in [0, 1]: 1 for an identical image, 0.5 at the distance ``wrong``, falling evenly between."""
+    """Match in [0, 1]: 1 for an identical image, 0.5 at the distance ``wrong``, halved by each such distance."""
     return np.asarray(0.5 ** (distance / max(wrong, np.finfo(float).tiny)))
 
 
 def log_density(poses: Floats, sigma: float, kappa: float) -> Floats:
-    """Log of how densely views (V, 3) stand around each of them, mean 1: taken out of the log-likelihoods.
+    """Log of how many views (V, 3) stand around each of them, itself included: taken out of the log-likelihoods.
 
-    So a corner photographed twice counts once (EQUATIONS.md, 4).
+    So a corner photographed twice changes nothing (EQUATIONS.md, 4). That text asks for a mean of 1 as well; but then
+    copies of some views would scale all the others, so the constant stays in, for ``margin`` to absorb.
 
     Args:
         poses: (V, 3).
@@ -51,5 +51,4 @@ def log_density(poses: Floats, sigma: float, kappa: float) -> Floats:
     """
     squared = np.sum((poses[:, None, :2] - poses[None, :, :2]) ** 2, axis=2)
     turned = np.cos(poses[:, None, 2] - poses[None, :, 2]) - 1.0
-    density = (np.exp(-squared / (2.0 * sigma**2) + kappa * turned) / i0e(kappa)).sum(axis=1)
-    return np.asarray(np.log(density / density.mean()))
+    return np.asarray(np.log(np.exp(-squared / (2.0 * sigma**2) + kappa * turned).sum(axis=1)))

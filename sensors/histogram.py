@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from sensors.calibration import log_density, match_of, wrong_distance
-from sensors.images import views_of
+from sensors.images import grey, views_of
 from topoloc.errors import UserError
 from topoloc.geometry import Floats
 from topoloc.topo_map import TopoMap
@@ -38,8 +38,8 @@ class ColorHistogramConfig:
     smoothing: float = 0.05
     neighbours: int = 10
     blind_deviation: float = 6.0
-    slope: float = 4.4
-    margin: float = -0.288
+    slope: float = 3.3
+    margin: float = -0.300
     sigma_m: float = 0.6
     kappa: float = 20.0
     log_floor: float = -1.5
@@ -47,6 +47,8 @@ class ColorHistogramConfig:
     def __post_init__(self) -> None:
         if self.bins < 2 or self.neighbours < 1:
             raise ValueError("bins must be at least 2 and neighbours at least 1")
+        if self.sigma_m <= 0.0 or self.kappa < 0.0:
+            raise ValueError("sigma_m must be positive, and kappa not negative")
 
 
 class ColorHistogram:
@@ -63,21 +65,26 @@ class ColorHistogram:
         """Histograms of the map's views, or of views cut from its panoramas.
 
         Raises:
-            UserError: the map has neither.
+            UserError: the map has neither, or its panoramas are filtered and so without colour.
         """
-        self._poses, images = views_of(topo_map)
-        if not images:
+        self._views = views_of(topo_map)
+        if not self._views.images:
             raise UserError(f"map {topo_map.name!r}: histogram needs training views or panoramas; add either")
-        self._nodes = topo_map.nearest_node(self._poses[:, :2])
-        self._signatures = np.stack([self._signature(image) for image in images])
+        if self._views.on_nodes and topo_map.filtered:
+            raise UserError(
+                f"map {topo_map.name!r}: its panoramas are filtered and have no colour for histogram to compare; "
+                "make them with 'topoloc panorama --no-clahe'"
+            )
+        self._nodes = topo_map.nearest_node(self._views.poses[:, :2])
+        self._signatures = np.stack([self._signature(image) for image in self._views.images])
         distances = np.stack([jeffrey(one, self._signatures) for one in self._signatures])
         self._wrong = wrong_distance(distances, self._nodes)
-        self._log_density = log_density(self._poses, self.config.sigma_m, self.config.kappa)
+        self._log_density = log_density(self._views.poses, self.config.sigma_m, self.config.kappa)
 
     def observe(self, frame: Frame) -> Evidence:
         """The nearest views as hypotheses; blind for a picture without contrast."""
         image = frame.images["rgb"]
-        if float(image.std()) < self.config.blind_deviation:
+        if float(grey(image).std()) < self.config.blind_deviation:
             return Evidence.blind()
         distance = jeffrey(self._signature(image), self._signatures)
         nearest = np.argsort(distance, kind="stable")[: self.config.neighbours]
@@ -85,7 +92,7 @@ class ColorHistogram:
         ratio = self.config.slope * (match - self.base_match - self.config.margin)
         count = len(nearest)
         return Evidence(
-            poses=self._poses[nearest],
+            poses=self._views.camera_poses(nearest, frame.camera),
             nodes=self._nodes[nearest],
             match=match,
             distance=distance[nearest] / max(self._wrong, np.finfo(float).tiny),

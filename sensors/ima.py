@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.images import clahe, crop_centre, cut_views, grey, resize
+from sensors.images import camera_on_nodes, clahe, crop_centre, cut_views, grey, resize
 from topoloc.errors import UserError
 from topoloc.geometry import Floats, wrap
 from topoloc.thesis import THESIS
@@ -21,7 +21,7 @@ CALIBRATION_NODES, CALIBRATION_STRIDE = 16, 4
 
 @dataclass(frozen=True)
 class IMAConfig:
-    """Settings of IMA; the first six are the thesis's (4.1.1, 5.2).
+    """Settings of IMA: the first four are the thesis's (4.1.1, 5.2), the two of CLAHE belong to them but are not given.
 
     Attributes:
         scale_columns: columns of a scaled frame; the rows keep the frame's aspect.
@@ -48,8 +48,8 @@ class IMAConfig:
     clahe_tiles: int = THESIS.clahe_tiles
     flat_variance: float = 1.0 / 12.0
     blind_deviation: float = 2.0
-    slope: float = 12.5
-    margin: float = 0.074
+    slope: float = 13.1
+    margin: float = 0.071
     sigma_m: float = 0.4
     kappa: float = 50.0
     log_floor: float = -3.0
@@ -59,6 +59,10 @@ class IMAConfig:
             raise ValueError(f"slots is {self.slots}; it must lie between 1 and scale_columns")
         if not 1.0 <= self.zoom < 2.0:
             raise ValueError(f"zoom is {self.zoom}; it must be at least 1 and less than 2")
+        if self.clahe_tiles < 1 or self.clahe_clip_limit <= 0.0:
+            raise ValueError("clahe_tiles must be at least 1, and clahe_clip_limit positive")
+        if self.sigma_m <= 0.0 or self.kappa < 0.0 or self.flat_variance < 0.0:
+            raise ValueError("sigma_m must be positive, kappa and flat_variance not negative")
 
 
 @dataclass(frozen=True)
@@ -207,7 +211,7 @@ class IMA:
         circles = [self._filtered(image, filtering, camera.hfov_deg) for image in panoramas]
         self._positions = topo_map.positions
         self._headings = np.array([node.heading for node in topo_map.nodes])
-        self._rows = round(self.config.scale_columns * camera.height / camera.width)
+        self._rows = max(1, round(self.config.scale_columns * camera.height / camera.width))
         columns = camera.panorama_columns(self.config.scale_columns)
         self._references = [
             self._reference([_scaled(circle, columns, self._rows, 1.0, zoom) for circle in circles], circular=True)
@@ -220,7 +224,8 @@ class IMA:
         image = frame.images["rgb"]
         if _scaled(grey(image), self.config.scale_columns, self._rows).std() < self.config.blind_deviation:
             return Evidence.blind()
-        return self._evidence(self._best_of_zooms(self._filtered(image, self.config.clahe), self._references))
+        matches = self._best_of_zooms(self._filtered(image, self.config.clahe), self._references)
+        return self._evidence(matches, frame.camera)
 
     def compare(self, image: Image, reference: Image) -> tuple[float, int]:
         """Match an image against a plain single image of the same camera, no circle (thesis 5.1.1, 5.1.5).
@@ -231,9 +236,16 @@ class IMA:
 
         Returns:
             The match in [0, 1], best of the zooms, and the left edge of the view on the (zoomed) scaled reference.
+
+        Raises:
+            ValueError: they differ in aspect ratio.
         """
+        if abs(image.shape[1] * reference.shape[0] - image.shape[0] * reference.shape[1]) > max(reference.shape):
+            raise ValueError(
+                f"an image of shape {image.shape} and a reference of {reference.shape} are no one camera's"
+            )
         columns = self.config.scale_columns
-        rows = round(columns * reference.shape[0] / reference.shape[1])
+        rows = max(1, round(columns * reference.shape[0] / reference.shape[1]))
         kept = self._filtered(reference, self.config.clahe)
         references = [
             self._reference([_scaled(kept, columns, rows, 1.0, zoom)], circular=False)
@@ -275,13 +287,16 @@ class IMA:
             np.stack([matches.columns for matches in found])[best, of_each],
         )
 
-    def _evidence(self, matches: Matches) -> Evidence:
-        """Heading by (2.2), of the window's middle on the circle that was searched, counter-clockwise."""
+    def _evidence(self, matches: Matches, mount: Floats) -> Evidence:
+        """Heading by (2.2), of the window's middle on the circle that was searched, counter-clockwise.
+
+        The panoramas were taken by a robot that turned on its axis (5.1.2), so the node is where that axis stood.
+        """
         middle = matches.column + self.config.scale_columns / 2.0
         heading = wrap(self._headings - middle * 2.0 * np.pi / matches.columns)
         count = len(matches.value)
         return Evidence(
-            poses=np.column_stack([self._positions, heading]),
+            poses=camera_on_nodes(self._positions, heading, mount),
             nodes=np.arange(count),
             match=matches.value,
             distance=1.0 - matches.value,

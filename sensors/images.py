@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
 import numpy as np
 
-from topoloc.geometry import Floats, wrap
+from topoloc.geometry import Floats, compose, wrap
 from topoloc.topo_map import Camera, TopoMap
-from topoloc.types import Image
+from topoloc.types import Image, Ints
 
 VIEW_STEP_DEG = 15.0
 """Where a map has no training views, one is cut from each panorama every so many degrees."""
@@ -55,24 +56,55 @@ def crop_centre(image: Image, width_share: float, height_share: float) -> Image:
     return image[top : rows - top, left : columns - left]
 
 
-def views_of(topo_map: TopoMap) -> tuple[Floats, list[Image]]:
+@dataclass(frozen=True)
+class Views:
+    """What a view sensor trains on.
+
+    Attributes:
+        poses: (V, 3) where each was taken, heading = optical axis; the camera's for training views, and for cuts the
+            node's position, on which the robot's axis stood.
+        images: V of them.
+        on_nodes: they are cuts from panoramas.
+    """
+
+    poses: Floats
+    images: list[Image]
+    on_nodes: bool
+
+    def camera_poses(self, chosen: Ints, mount: Floats) -> Floats:
+        """Poses (N, 3) of the camera for the chosen views, of a camera at ``mount`` (3,) on the robot."""
+        poses = self.poses[chosen]
+        return camera_on_nodes(poses[:, :2], poses[:, 2], mount) if self.on_nodes else poses
+
+
+def camera_on_nodes(positions: Floats, headings: Floats, mount: Floats) -> Floats:
+    """Poses (N, 3) of a camera on a robot whose axis stands on nodes, as when it turned there for the panoramas.
+
+    Args:
+        positions: (N, 2) of the nodes [m].
+        headings: (N,) of the optical axis [rad].
+        mount: (3,) pose of the camera on the robot, pan included.
+    """
+    robot = np.column_stack([positions, wrap(headings - mount[2])])
+    return compose(robot, mount)
+
+
+def views_of(topo_map: TopoMap) -> Views:
     """The map's training views; where it has none, views cut from its panoramas every ``VIEW_STEP_DEG``.
 
     A cut is a window of the panorama as it stands (its columns are frames as they are, DESIGN.md), one frame wide.
-
-    Returns:
-        Camera poses (V, 3), heading = optical axis, and the images.
     """
     if topo_map.views:
-        return np.array([view.pose for view in topo_map.views]), [view.image for view in topo_map.views]
-    poses, images = [], []
+        poses = np.array([view.pose for view in topo_map.views])
+        return Views(poses, [view.image for view in topo_map.views], on_nodes=False)
+    cuts, images = [], []
     for node in topo_map.nodes:
         if node.panorama is None:
             continue
         for image, heading in cut_views(node.panorama, node.heading, topo_map.camera):
-            poses.append((node.x, node.y, heading))
+            cuts.append((node.x, node.y, heading))
             images.append(image)
-    return np.array(poses).reshape(-1, 3), images
+    return Views(np.array(cuts).reshape(-1, 3), images, on_nodes=True)
 
 
 def cut_views(panorama: Image, heading: float, camera: Camera) -> list[tuple[Image, float]]:

@@ -43,6 +43,8 @@ class PanoramaConfig:
             raise ValueError(f"slots is {self.slots}; it must lie between 1 and {self.scale_columns}")
         if not 0.0 < self.hfov_deg < 180.0:
             raise ValueError(f"hfov_deg is {self.hfov_deg}; it must lie between 0 and 180")
+        if self.clahe_tiles < 1 or self.clahe_clip_limit <= 0.0:
+            raise ValueError("clahe_tiles must be at least 1, and clahe_clip_limit positive")
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,8 @@ def best_column(picture: Floats, canvas: _Canvas, slots: int) -> int:
     """Left column (0-based) of the best match of a picture on a growing circle: Code 2.1, then Code 2.3.
 
     Code 2.3 recognises black by a match of exactly 0.5; this asks whether the region is filled yet, as it means
-    (EQUATIONS.md, 1): a slot over such a region counts as the mean of the slots to its left.
+    (EQUATIONS.md, 1): a slot over such a region counts as the mean of the slots to its left. A departure: a region
+    that is filled in part counts as not filled, since the edge to the black would be matched as if it were seen.
     """
     if not canvas.filled.any():
         return 0  # "the first normal image is inserted on the very left" (2.2.1)

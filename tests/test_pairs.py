@@ -9,10 +9,9 @@ import pytest
 
 from benchmarks.worlds import LabSettings, Simulation, simulate
 from topoloc import plugins
-from topoloc.estimate import estimate_from
 from topoloc.localizer import Localizer
 from topoloc.metrics import Run, evaluate
-from topoloc.testing import check_estimator, check_sensor
+from topoloc.testing import check_estimator, check_headings, check_sensor
 from topoloc.types import Evidence, Frame
 
 SENSORS, ESTIMATORS = plugins.names(plugins.SENSORS), plugins.names(plugins.ESTIMATORS)
@@ -80,6 +79,7 @@ def test_estimators_keep_their_contract(name: str) -> None:
 @pytest.mark.parametrize("name", SENSORS)
 def test_sensors_keep_their_contract(name: str) -> None:
     check_sensor(plugins.make_sensor(name), drive().topo_map, drive().frames[:3])
+    check_headings(plugins.make_sensor(name), drive().topo_map, drive().frames[:8], drive().truth[:8])
 
 
 def test_the_same_seed_gives_the_same_run() -> None:
@@ -91,11 +91,9 @@ def test_the_same_seed_gives_the_same_run() -> None:
 
 
 def test_grid_and_particles_say_the_same_of_a_real_sensor() -> None:
-    """Two ways to hold one posterior: the same leading node nearly always."""
+    """Two ways to hold one posterior: the same leading node in nine steps of ten."""
     nodes = []
     for name in ("grid", "particle"):
         localizer = Localizer(drive().topo_map, shared("ima"), plugins.make_estimator(name), rng=2)
-        for frame in drive().frames:
-            localizer.step(frame)
-        nodes.append(estimate_from(localizer.estimator.belief, drive().topo_map).node)
-    assert nodes[0] == nodes[1]
+        nodes.append([localizer.step(frame).node for frame in drive().frames])
+    assert np.mean(np.equal(*nodes)) >= 0.9

@@ -51,6 +51,7 @@ def check_map(topo_map: TopoMap, folder: Path) -> Report:
         findings.append(Finding(where, f"nodes without a panorama: {lacking}", "ima needs one for each"))
     for a, b in _close_pairs(topo_map, 0.05):
         findings.append(Finding(where, f"nodes {a} and {b} are less than 5 cm apart", "keep one of them"))
+    findings += _parts(topo_map, where)
     for node in topo_map.nodes:
         if node.panorama is None:
             continue
@@ -63,6 +64,22 @@ def check_map(topo_map: TopoMap, folder: Path) -> Report:
         elif node.panorama.mean() < DARK_LEVEL:
             findings.append(Finding(where, f"the panorama of node {node.id} is very dark", "take it with more light"))
     return Report(summary, tuple(findings))
+
+
+def _parts(topo_map: TopoMap, where: str) -> list[Finding]:
+    """Nodes that no edges lead to from the first one."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    edges, count = np.asarray(topo_map.edges), len(topo_map.nodes)
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    parts, part = connected_components(graph, directed=False)
+    if parts == 1:
+        return []
+    apart = [node.id for node, own in zip(topo_map.nodes, part, strict=True) if own != part[0]]
+    listed = ", ".join(apart[:8]) + (", ..." if len(apart) > 8 else "")
+    what = f"the map falls into {parts} parts: no edges lead from node {topo_map.nodes[0].id} to {listed}"
+    return [Finding(where, what, "add them to edges.csv, or look for a wrong position")]
 
 
 def _close_pairs(topo_map: TopoMap, distance: float) -> list[tuple[str, str]]:

@@ -67,10 +67,11 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) 
 
 
 @contextmanager
-def new_folder(path: Path, overwrite: bool = False) -> Iterator[Path]:
+def new_folder(path: Path, overwrite: bool = False, owned: Sequence[str] = ()) -> Iterator[Path]:
     """A folder that appears whole or not at all: yields a temporary sibling that is renamed to ``path`` at the end.
 
-    With ``overwrite``, entries of the same names are replaced and all others in ``path`` stay.
+    With ``overwrite``, entries of the same names are replaced, those that are ``owned`` but were not written again
+    are removed, since they belong to what was there before, and all others in ``path`` stay.
 
     Raises:
         OutputExists: ``path`` is a file, or a folder that holds something, and ``overwrite`` is not set.
@@ -82,17 +83,19 @@ def new_folder(path: Path, overwrite: bool = False) -> Iterator[Path]:
         temporary.chmod(0o777 & ~_umask())
         try:
             yield temporary
-            _move_into(temporary, path)
+            _move_into(temporary, path, owned)
         except BaseException:
             shutil.rmtree(temporary, ignore_errors=True)
             raise
 
 
-def _move_into(temporary: Path, path: Path) -> None:
-    """Rename a finished folder to ``path``; where that exists, replace only the entries of the same names."""
+def _move_into(temporary: Path, path: Path, owned: Sequence[str]) -> None:
+    """Rename a finished folder to ``path``; where that exists, replace only the entries of the same or owned names."""
     if not path.exists():
         temporary.replace(path)
         return
+    for name in owned:
+        (path / name).unlink(missing_ok=True)
     for entry in temporary.iterdir():
         target = path / entry.name
         if target.is_dir():
@@ -103,8 +106,9 @@ def _move_into(temporary: Path, path: Path) -> None:
 
 def refuse_to_overwrite(path: Path, overwrite: bool = False) -> None:
     """Raise ``OutputExists`` for a file, or a folder that holds something; ``overwrite`` allows both."""
-    if overwrite or not path.exists() or (path.is_dir() and not any(path.iterdir())):
-        return
+    with _plain_os_errors(path):
+        if overwrite or not path.exists() or (path.is_dir() and not any(path.iterdir())):
+            return
     raise OutputExists(path)
 
 

@@ -46,3 +46,9 @@ def circular_mean(angles: ArrayLike, weights: ArrayLike | None = None) -> float:
     angle = np.asarray(angles, dtype=np.float64)
     weight = np.ones_like(angle) if weights is None else np.asarray(weights, dtype=np.float64)
     return float(wrap(np.arctan2(np.sum(weight * np.sin(angle)), np.sum(weight * np.cos(angle)))))
+
+
+def covariance_root(covariance: Floats) -> Floats:
+    """A matrix R (D, D) with R R' = covariance (D, D), which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

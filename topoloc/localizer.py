@@ -8,11 +8,11 @@ import numpy as np
 
 from topoloc.errors import UnreadableImage
 from topoloc.estimate import EstimateRule, estimate_from
-from topoloc.geometry import between, compose
+from topoloc.geometry import Floats, between, compose
 from topoloc.interfaces import Estimator, Sensor
 from topoloc.odometry import MotionGate, OdometryNoise
 from topoloc.topo_map import TopoMap
-from topoloc.types import Estimate, Evidence, Frame, Motion, WeightedPoses
+from topoloc.types import Estimate, Evidence, Frame, Motion, Status, WeightedPoses
 
 SURPRISE = -20.0
 """A log evidence below this counts as this: one impossible look must not be remembered for ever."""
@@ -73,6 +73,8 @@ class Localizer:
         self.rule: EstimateRule = getattr(type(estimator), "estimate_rule", EstimateRule())
         self.last: Step | None = None
         self._anchor: tuple[Frame, Estimate] | None = None  # the last frame that was looked at, and what came of it
+        self._reading: Floats | None = None  # of the odometer, the last one that a motion was measured from
+        self._informed = prior is not None  # before the first look that said something, no node can be named
         self.log_evidence = 0.0  # running mean of log p(evidence | past); 0 where the estimator tells none
         sensor.fit(topo_map)
         estimator.reset(topo_map, np.random.default_rng(rng), prior)
@@ -83,10 +85,14 @@ class Localizer:
             self.last = Step(frame.timestamp, "gated", self._carried(*self._anchor, frame))
             return self.last.estimate
         if self._anchor is not None:
-            self.estimator.predict(self._motion(self._anchor[0], frame))
+            self.estimator.predict(self._motion(frame))
+        self._reading = self._reading if frame.odometry is None else frame.odometry
         evidence, problem = look(self.sensor, frame)
         self._remember(self.estimator.update(evidence))
+        self._informed |= not evidence.is_blind
         estimate = estimate_from(self.estimator.belief, self.topo_map, self.log_evidence, self.rule)
+        if not self._informed:
+            estimate = replace(estimate, node=None, probability=0.0, status=Status.LOST)
         kind = "unreadable" if problem else "blind" if evidence.is_blind else "update"
         self.last = Step(frame.timestamp, kind, estimate, evidence, problem)
         self._anchor = (replace(frame, images={}), estimate)  # the pictures may be large, and are not needed again
@@ -98,10 +104,11 @@ class Localizer:
             return True
         return self.gate.opens(before.odometry, before.camera, frame.odometry, frame.camera)
 
-    def _motion(self, before: Frame, frame: Frame) -> Motion:
-        if before.odometry is None or frame.odometry is None:
+    def _motion(self, frame: Frame) -> Motion:
+        """Since the last reading of the odometer: a frame in between that has none loses nothing."""
+        if self._reading is None or frame.odometry is None:
             return self.noise.unknown()
-        return self.noise.motion(before.odometry, frame.odometry)
+        return self.noise.motion(self._reading, frame.odometry)
 
     def _carried(self, before: Frame, estimate: Estimate, frame: Frame) -> Estimate:
         """Between updates the last estimate rides on the odometry."""

@@ -23,6 +23,8 @@ from topoloc.types import Image, Ints
 MAP_FILE, NODES_FILE, EDGES_FILE, VIEWS_FILE = "map.toml", "nodes.csv", "edges.csv", "views.csv"
 NODE_COLUMNS = ("id", "name", "x", "y", "heading", "panorama")
 EDGE_COLUMNS = ("a", "b")
+FARTHEST_M = 1e6
+"""A node farther from the origin than this is a mistake in its units [m]."""
 VIEW_COLUMNS = ("x", "y", "heading", "image")
 
 
@@ -93,6 +95,9 @@ def _read_nodes(folder: Path, camera: Camera) -> tuple[Node, ...]:
     seen: dict[str, int] = {}
     for line, row in rows_of(path, NODE_COLUMNS, "a map folder needs it: one line a node"):
         x, y, heading = (number(row[key], key, path, line) for key in ("x", "y", "heading"))
+        if max(abs(x), abs(y)) > FARTHEST_M:
+            problem = f"the node lies {max(abs(x), abs(y)):.3g} m from the origin"
+            raise InputError(path, problem, "write metres, from an origin near the map", line=line)
         identity = row["id"]
         if not identity:
             raise InputError(path, "the id is empty", "give the node an id", line=line)
@@ -141,6 +146,8 @@ def _read_edges(path: Path, nodes: tuple[Node, ...]) -> Ints | None:
         for key in EDGE_COLUMNS:
             if row[key] not in index:
                 raise InputError(path, f"no node has the id {row[key]!r}", "use ids of nodes.csv", line=line)
+        if row["a"] == row["b"]:
+            raise InputError(path, f"joins {row['a']!r} to itself", "delete the line", line=line)
         edges.append((index[row["a"]], index[row["b"]]))
     return np.array(edges, dtype=np.int64).reshape(-1, 2)
 

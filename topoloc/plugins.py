@@ -9,7 +9,7 @@ from typing import Any
 
 from topoloc.errors import UnknownName, UserError
 from topoloc.interfaces import Estimator, Sensor
-from topoloc.settings import build
+from topoloc.settings import build, refuse_unknown
 
 SENSORS, ESTIMATORS = "topoloc.sensors", "topoloc.estimators"
 WORLDS, PANORAMAS, COMMANDS = "topoloc.worlds", "topoloc.panoramas", "topoloc.commands"
@@ -38,9 +38,19 @@ def load(group: str, name: str) -> Any:
 
 
 def make(group: str, name: str, settings: Mapping[str, Any] | None = None) -> Any:
-    """An instance of the class of that name; ``settings`` go into its ``Config`` dataclass, unknown ones refused."""
+    """An instance of the class of that name.
+
+    Args:
+        group: of entry points.
+        name: of the class.
+        settings: go into its ``Config`` dataclass, unknown ones refused; a class without one takes none.
+    """
     cls = load(group, name)
-    return cls(build(cls.Config, settings or {}, f"settings of {name}"))
+    where = f"settings of {name}"
+    if not hasattr(cls, "Config"):
+        refuse_unknown(settings or {}, set(), where)
+        return cls()
+    return cls(build(cls.Config, settings or {}, where))
 
 
 def make_sensor(name: str, settings: Mapping[str, Any] | None = None) -> Sensor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -61,8 +62,12 @@ class Track:
     def at(self, time: float) -> Floats:
         """The pose (3,) at a time, interpolated; before the first and after the last reading it stands still."""
         x, y = (float(np.interp(time, self.times, self.poses[:, i])) for i in (0, 1))
-        heading = float(np.interp(time, self.times, np.unwrap(self.poses[:, 2])))
+        heading = float(np.interp(time, self.times, self._unwrapped))
         return np.array([x, y, float(wrap(heading))])
+
+    @cached_property
+    def _unwrapped(self) -> Floats:
+        return np.asarray(np.unwrap(self.poses[:, 2]))
 
 
 @dataclass(frozen=True)
@@ -153,14 +158,21 @@ class Recording:
         """The frame around one picture of the main kind; its images are read when asked for."""
         time = picture.time
         chosen = {self.kind: picture}
-        for kind, others in self.pictures.items():
-            near = min(others, key=lambda other: abs(other.time - time), default=None)
-            if kind != self.kind and near is not None and abs(near.time - time) <= MAX_OFFSET_S:
-                chosen[kind] = near
+        for kind, times in self._other_times.items():
+            after = int(np.searchsorted(times, time))
+            near = [i for i in (after - 1, after) if 0 <= i < len(times) and abs(times[i] - time) <= MAX_OFFSET_S]
+            if near:
+                chosen[kind] = min((self.pictures[kind][i] for i in near), key=lambda other: abs(other.time - time))
         pan = 0.0 if self.pan is None else float(self.pan.at(time)[2])
         mount = np.array([self.mount.x, self.mount.y, float(wrap(np.deg2rad(self.mount.yaw_deg) + pan))])
         odometry = None if self.odometry is None else self.odometry.at(time)
         return Frame(time, odometry, mount, LazyImages({kind: self._reader(one, kind) for kind, one in chosen.items()}))
+
+    @cached_property
+    def _other_times(self) -> dict[str, Floats]:
+        """Times [s] of the pictures that are not of the main kind."""
+        kinds = [kind for kind in self.pictures if kind != self.kind]
+        return {kind: np.array([picture.time for picture in self.pictures[kind]]) for kind in kinds}
 
     def _reader(self, picture: Picture, kind: str) -> Callable[[], Image]:
         def read() -> Image:
@@ -187,12 +199,12 @@ def write_track(path: Path, times: Sequence[float], poses: Floats) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Words of the lines of a TUM file that are no comments, with their 1-based numbers."""
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """The lines of a TUM file that are neither empty nor comments, stripped, with their 1-based numbers."""
     for line, text in enumerate(read_text(path, "restore it").splitlines(), start=1):
-        words = text.replace(",", " ").split()
-        if words and not words[0].startswith("#"):
-            yield line, words
+        stripped = text.strip()
+        if stripped and not stripped.startswith("#"):
+            yield line, stripped
 
 
 def _numbers(words: Sequence[str], path: Path, line: int) -> list[float]:
@@ -216,9 +228,10 @@ def _check_time(time: float, before: float, path: Path, line: int) -> None:
 
 def _read_list(path: Path) -> list[Picture]:
     pictures: list[Picture] = []
-    for line, words in _lines(path):
+    for line, text in _lines(path):
+        words = text.split(maxsplit=1)  # a name may have blanks and commas in it
         if len(words) != 2:
-            raise InputError(path, f"{len(words)} words", "write 'timestamp path'", line=line)
+            raise InputError(path, f"{text!r} is a single word", "write 'timestamp path'", line=line)
         time = _numbers(words[:1], path, line)[0]
         _check_time(time, pictures[-1].time if pictures else -np.inf, path, line)
         pictures.append(Picture(time, path.parent / words[1], line))
@@ -236,7 +249,8 @@ def _read_table(path: Path, columns: str) -> tuple[list[int], Floats] | None:
         return None
     lines: list[int] = []
     rows: list[list[float]] = []
-    for line, words in _lines(path):
+    for line, text in _lines(path):
+        words = text.replace(",", " ").split()
         if len(words) != len(columns.split()):
             raise InputError(path, f"{len(words)} values", f"write '{columns}'", line=line)
         rows.append(_numbers(words, path, line))

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from topoloc.estimate import estimate_from
-from topoloc.geometry import Floats
+from topoloc.geometry import Floats, compose, wrap
 from topoloc.interfaces import Estimator, Sensor
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Evidence, Frame, Image, Motion, WeightedPoses
@@ -65,10 +65,33 @@ def check_estimator(make: Callable[[], Estimator], topo_map: TopoMap | None = No
     _check_blindness(estimator, the_map)
     _check_extremes(make, the_map, seed)
     _check_prior(make, the_map, seed)
-    first, second = (_trace(make(), the_map, seed) for _ in range(2))
-    assert np.array_equal(first, second), "the same seed must give the same belief"
+    used = make()
+    first, second = (_trace(used, the_map, seed) for _ in range(2))
+    assert np.array_equal(first, second), "reset must forget everything, and the same seed give the same belief"
     permuted = _trace(make(), the_map, seed, order=-1)
     assert np.abs(permuted - first)[:, :2].max() < 0.35, "the order of hypotheses must not matter"
+    _check_sense(make, the_map, seed)
+
+
+def _check_sense(make: Callable[[], Estimator], topo_map: TopoMap, seed: int) -> None:
+    """That it listens: to a prior, to a motion unless it has no memory, to evidence, and not to a blind frame."""
+    corner = np.array([*topo_map.positions[-1], 1.0])
+    estimator = make()
+    estimator.reset(topo_map, np.random.default_rng(seed), WeightedPoses.uniform(corner[None]))
+    start = estimate_from(estimator.belief, topo_map).pose
+    assert np.linalg.norm(start[:2] - corner[:2]) < 0.35, "a prior of one pose must put the belief there"
+    estimator.predict(Motion(np.array([-0.6, 0.0, 0.0]), np.diag([1e-4, 1e-4, 1e-4])))
+    moved = estimate_from(estimator.belief, topo_map).pose
+    away = min(np.linalg.norm(moved - goal) for goal in (start, compose(start, (-0.6, 0.0, 0.0))))
+    assert away < 0.35, "predict must move the belief along its heading by the motion, or leave it where it is"
+    estimator.update(Evidence.blind())
+    after = estimate_from(estimator.belief, topo_map).pose
+    assert np.linalg.norm(after - moved) < 0.2, "a blind frame must not move the belief"
+    estimator.reset(topo_map, np.random.default_rng(seed))
+    for _ in range(2):
+        estimator.update(evidence_for(topo_map, corner))
+    told = estimate_from(estimator.belief, topo_map)
+    assert told.node == len(topo_map.nodes) - 1, "evidence for a node must make that node lead"
 
 
 def _check_belief(estimator: Estimator, topo_map: TopoMap, when: str) -> None:
@@ -141,18 +164,50 @@ def check_sensor(sensor: Sensor, topo_map: TopoMap, frames: Sequence[Frame]) -> 
     lacking = [name for name in ("needs", "fit", "observe") if not hasattr(type(sensor), name)]
     assert not lacking, f"the class lacks {', '.join(lacking)}"
     assert isinstance(sensor.needs, frozenset), "needs must be a frozenset of image kinds"
+    assert len(frames) > 1, "hand in two frames or more that see something"
     sensor.fit(topo_map)
+    seen = []
     for frame in frames:
         evidence, again = sensor.observe(frame), sensor.observe(frame)
         _check_evidence(evidence, topo_map)
         for part in ("poses", "nodes", "match", "log_likelihoods"):
             same = np.array_equal(getattr(evidence, part), getattr(again, part))
             assert same, f"the same frame must give the same evidence; {part} differ"
-    flat = {kind: np.full(image.shape, 127, dtype=np.uint8) for kind, image in frames[0].images.items()}
-    _check_evidence(sensor.observe(replace(frames[0], images=flat)), topo_map)
+        seen.append(evidence)
+    assert not any(evidence.is_blind for evidence in seen), "frames that see something must not be blind"
+    different = any(not np.array_equal(seen[0].match, other.match) for other in seen[1:])
+    assert different, "different frames must give different evidence"
+    for colour in ((127, 127, 127), (200, 60, 40)):
+        flat = {kind: _flat(image, colour) for kind, image in frames[0].images.items()}
+        assert sensor.observe(replace(frames[0], images=flat)).is_blind, f"a flat picture of {colour} must be blind"
     if "rgb" in sensor.needs:
         grey: Image = np.ascontiguousarray(frames[0].images["rgb"].mean(axis=-1).astype(np.uint8))
         _check_evidence(sensor.observe(replace(frames[0], images={**frames[0].images, "rgb": grey})), topo_map)
+
+
+def check_headings(sensor: Sensor, topo_map: TopoMap, frames: Sequence[Frame], truth: Floats) -> None:
+    """That most frames' best match names the robot's heading, for a sensor that claims to know it.
+
+    Args:
+        sensor: any.
+        topo_map: a map that it can use.
+        frames: at least three, taken near the nodes.
+        truth: (N, 3) poses of the robot.
+    """
+    sensor.fit(topo_map)
+    errors = []
+    for frame, pose in zip(frames, truth, strict=True):
+        evidence = sensor.observe(frame).of_robot(frame.camera)
+        best = int(evidence.match.argmax())
+        if evidence.kappa[best] > 0.0:
+            errors.append(abs(float(wrap(evidence.poses[best, 2] - pose[2]))))
+    assert not errors or np.median(errors) < np.deg2rad(30.0), "headings are optical axes, counter-clockwise, map frame"
+
+
+def _flat(image: Image, colour: tuple[int, int, int]) -> Image:
+    plain: Image = np.empty(image.shape, dtype=np.uint8)
+    plain[...] = colour if image.ndim == 3 else colour[0]
+    return plain
 
 
 def _check_evidence(evidence: Evidence, topo_map: TopoMap) -> None:

@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from topoloc.errors import UserError
 from topoloc.geometry import Floats
 from topoloc.types import Image, Ints
 
+MOST_CELLS = 4_000_000
+"""More cells than this are a stray node or a resolution in the wrong unit, not a building."""
 EDGE_REACH = 1.5
 """Without a list of edges, nodes closer than this many times the median nearest spacing are joined."""
 
@@ -141,8 +144,12 @@ class TopoMap:
 
     def adjacent(self, first: int, second: int) -> bool:
         """Whether an edge joins two nodes, given by index."""
-        pairs = np.sort(np.asarray(self.edges), axis=1)
-        return bool((pairs == sorted((first, second))).all(axis=1).any())
+        return (first, second) in self._joined
+
+    @cached_property
+    def _joined(self) -> frozenset[tuple[int, int]]:
+        pairs = np.asarray(self.edges)
+        return frozenset((int(a), int(b)) for a, b in np.concatenate([pairs, pairs[:, ::-1]]))
 
     def is_free(self, positions: ArrayLike, reach: float) -> np.ndarray:
         """Whether the robot may be at positions (P, 2): within ``reach`` [m] of a node or an edge, or in ``free``."""
@@ -163,10 +170,19 @@ class TopoMap:
 
         Returns:
             Cell centres along x (X,) and along y (Y,) [m], and which cells are free (X, Y).
+
+        Raises:
+            UserError: the map is too large for such cells.
         """
         corners = np.concatenate([self.positions - reach, self.positions + reach, *self.free])
         low = np.floor(corners.min(axis=0) / resolution).astype(int)
         high = np.ceil(corners.max(axis=0) / resolution).astype(int)
+        if np.prod((high - low).astype(np.float64)) > MOST_CELLS:
+            sides = " x ".join(f"{side * resolution:.4g} m" for side in high - low)
+            raise UserError(
+                f"map {self.name!r} spans {sides}, too much for cells of {resolution} m; "
+                "look for a node far from all others, or take an estimator without cells"
+            )
         xs, ys = ((np.arange(a, b) + 0.5) * resolution for a, b in zip(low, high, strict=True))
         centres = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1)
         return xs, ys, self.is_free(centres.reshape(-1, 2), reach).reshape(len(xs), len(ys))

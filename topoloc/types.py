@@ -165,7 +165,8 @@ class Evidence:
 
     def best_per_node(self) -> Ints:
         """Indices (L,) of the best-matching hypothesis of each node that has one, by node."""
-        order = np.lexsort((-self.match, self.nodes))
+        x, y, heading = self.poses.T  # decide between equal matches, so that the order of hypotheses does not matter
+        order = np.lexsort((heading, y, x, -self.match, self.nodes))
         first = np.ones(len(order), dtype=bool)
         first[1:] = self.nodes[order][1:] != self.nodes[order][:-1]
         return np.asarray(order[first], dtype=np.int64)

@@ -52,7 +52,7 @@ def test_filters_are_right_in_97_percent_of_updates(estimator: str) -> None:
 
 @pytest.mark.parametrize("estimator", ["grid", "particle", "activity"])
 def test_recovery_from_kidnapping_within_four_updates(estimator: str) -> None:
-    """Two of them with a covered camera, whose frames do not open the gate; nine seeds of ten."""
+    """Counted from the first frame that is looked at: the covered ones do not open the gate. Nine seeds of ten."""
     recovered = 0
     for seed, (drive, sensor) in enumerate(drives(kidnapped=True)):
         steps = steps_of(drive, sensor, estimator, seed)

@@ -265,3 +265,22 @@ def test_order_of_hypotheses_does_not_matter() -> None:
 def test_thresholds_out_of_order_are_refused() -> None:
     with pytest.raises(ValueError, match="match_threshold <= head_threshold"):
         ActivityTrackerConfig(match_threshold=0.7, head_threshold=0.6)
+
+
+def test_rounding_is_no_deviation() -> None:
+    """A residue of 1e-16 must not become the width of the Gaussian and cost a pair the factor 1.65."""
+    exact, residue = np.zeros((2, 2)), np.array([[0.0, 4.4e-16], [0.0, 0.0]])
+    np.testing.assert_array_equal(action_model(residue, residue), action_model(exact, exact))
+
+
+def test_prior_without_a_common_heading_invents_none() -> None:
+    tracker = ActivityTracker()
+    around = np.column_stack([np.zeros((4, 2)), np.deg2rad([-180.0, -90.0, 0.0, 90.0])])
+    tracker.reset(lab(), np.random.default_rng(0), WeightedPoses.uniform(around))
+    tracker.predict(motion(3.0))
+    tracker.update(Evidence.blind())
+    assert tracker.last is not None
+    assert (tracker.last.kind, tracker.last.node) == ("none", None)
+    assert np.isnan(tracker.last.origins.headings).all()
+    tracker.update(seen({"1": 0.7}, 60.0))
+    assert np.rad2deg(tracker.heading) == pytest.approx(60.0)

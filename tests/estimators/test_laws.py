@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from estimators.activity import ActivityTracker
 from estimators.baselines import BestMatch, DeadReckoning
 from estimators.markov import MarkovGrid
 from estimators.particle import ParticleFilter
@@ -20,7 +21,7 @@ from topoloc.testing import check_estimator, evidence_for, toy_map
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Evidence, Motion, WeightedPoses
 
-ALL = [MarkovGrid, ParticleFilter, BestMatch, DeadReckoning]
+ALL = [ActivityTracker, MarkovGrid, ParticleFilter, BestMatch, DeadReckoning]
 MAP = toy_map()
 GOOD = evidence_for(MAP, (0.3, 0.1, 0.5))
 EVIDENCES = {

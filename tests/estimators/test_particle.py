@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimators.particle import FreeArea, ParticleFilter, covariance_root, sample_motion, sample_poses
+from estimators.particle import FreeArea, ParticleFilter, sample_motion, sample_poses
 from estimators.resampling import RESAMPLERS
 from topoloc.estimate import mean_and_covariance, node_masses
-from topoloc.geometry import between
+from topoloc.geometry import between, covariance_root
 from topoloc.testing import evidence_for, toy_map
 from topoloc.types import Evidence, Motion, WeightedPoses
 

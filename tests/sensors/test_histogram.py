@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +15,7 @@ from sensors.images import cut_views, views_of
 from topoloc.errors import UserError
 from topoloc.geometry import wrap
 from topoloc.topo_map import Camera, Node, TopoMap, View
-from topoloc.types import Frame
+from topoloc.types import Evidence, Frame
 
 CAMERA = Camera(40.0, 48, 36)
 
@@ -37,7 +39,9 @@ def test_a_view_of_the_map_is_recognized_with_place_and_heading() -> None:
     the_map = coloured_map()
     sensor = ColorHistogram()
     sensor.fit(the_map)
-    poses, images = views_of(the_map)
+    views = views_of(the_map)
+    poses, images = views.poses, views.images
+    assert views.on_nodes
     for i in range(0, len(images), 7):
         evidence = sensor.observe(frame_of(images[i]))
         assert evidence.match[0] == pytest.approx(1.0)
@@ -60,9 +64,10 @@ def test_views_are_cut_every_fifteen_degrees_with_their_optical_axes() -> None:
 def test_training_views_of_the_map_come_first() -> None:
     the_map = coloured_map(1)
     view = View(np.array([1.0, 2.0, 0.5]), np.zeros((36, 48, 3), np.uint8))
-    poses, images = views_of(TopoMap("v", CAMERA, the_map.nodes, views=(view,)))
-    np.testing.assert_array_equal(poses, [view.pose])
-    assert len(images) == 1
+    views = views_of(TopoMap("v", CAMERA, the_map.nodes, views=(view,)))
+    np.testing.assert_array_equal(views.poses, [view.pose])
+    assert len(views.images) == 1
+    np.testing.assert_array_equal(views.camera_poses(np.array([0]), np.array([0.1, 0.0, 0.0])), [view.pose])
 
 
 def test_half_is_what_95_percent_of_wrong_places_stay_below() -> None:
@@ -81,17 +86,43 @@ def test_match_falls_with_the_distance(distances: list[float]) -> None:
     assert ((match >= 0.0) & (match <= 1.0)).all()
 
 
-def test_a_corner_photographed_twice_counts_once() -> None:
-    """EQUATIONS.md, 4: the density of the views is taken out, so that copies change nothing of their sum."""
+def likelihood_of(poses: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Log-likelihood at places (P, 3) of views that all match alike, their density taken out."""
+    count = len(poses)
+    ones = np.ones(count)
+    ratio = 1.5 - log_density(poses, 0.5, 8.0)
+    evidence = Evidence(poses, np.zeros(count, dtype=np.int64), ones, ones, ratio, 0.5 * ones, 8.0 * ones)
+    return np.array([evidence.log_likelihood(place[None, :2], place[None, 2:])[0, 0] for place in places])
+
+
+def test_a_corner_photographed_twice_changes_nothing() -> None:
+    """EQUATIONS.md, 4. Copies of all views change nothing at all, of some only where others stand close by."""
     rng = np.random.default_rng(1)
     poses = np.column_stack([rng.uniform(0, 4, (20, 2)), rng.uniform(-3, 3, 20)])
-    twice = np.concatenate([poses, poses])
-    once, doubled = log_density(poses, 0.5, 8.0), log_density(twice, 0.5, 8.0)
-    np.testing.assert_allclose(doubled, np.concatenate([once, once]), atol=1e-12)
-    part = np.concatenate([poses, poses[:1]])
-    change = np.exp(-log_density(part, 0.5, 8.0))
-    assert change[0] == pytest.approx(change[-1])
-    assert change[0] < np.exp(-once[0])
+    once = likelihood_of(poses, poses)
+    np.testing.assert_allclose(likelihood_of(np.concatenate([poses, poses]), poses), once, atol=1e-12)
+    part = likelihood_of(np.concatenate([poses, poses[:7]]), poses)
+    assert np.abs(part - once).max() < 0.3
+    assert np.median(np.abs(part - once)) < 0.02
+    ten_times = likelihood_of(np.concatenate([poses] + [poses[:1]] * 9), poses)
+    assert ten_times[0] - once[0] < 0.3  # without the density: log 10
+
+
+def test_views_cut_from_panoramas_put_the_axis_of_the_robot_on_the_node() -> None:
+    """The robot turned on its axis for the panoramas, its camera ahead of it: the evidence must give that back."""
+    the_map = coloured_map()
+    sensor = ColorHistogram()
+    sensor.fit(the_map)
+    mount = np.array([0.1, 0.02, 0.4])
+    evidence = sensor.observe(replace(frame_of(views_of(the_map).images[5]), camera=mount))
+    robot = evidence.of_robot(mount).poses
+    np.testing.assert_allclose(robot[:, :2], the_map.positions[evidence.nodes], atol=1e-12)
+    assert np.linalg.norm(evidence.poses[0, :2] - the_map.positions[0]) == pytest.approx(np.hypot(0.1, 0.02))
+
+
+def test_filtered_panoramas_have_no_colour_to_compare() -> None:
+    with pytest.raises(UserError, match="filtered"):
+        ColorHistogram().fit(replace(coloured_map(), filtered=True))
 
 
 def test_jeffrey_divergence() -> None:
@@ -107,7 +138,8 @@ def test_covered_and_flat_frames_are_blind() -> None:
     sensor.fit(coloured_map())
     rng = np.random.default_rng(0)
     covered = np.clip(rng.normal(8, 2, (36, 48, 3)), 0, 255).astype(np.uint8)
-    for image in (np.zeros((36, 48, 3), np.uint8), np.full((36, 48), 90, np.uint8), covered):
+    tinted = np.full((36, 48, 3), (200, 60, 40), np.uint8)
+    for image in (np.zeros((36, 48, 3), np.uint8), np.full((36, 48), 90, np.uint8), covered, tinted):
         assert sensor.observe(frame_of(image)).is_blind
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from oracles.shared_data import CAMERA, RING6_QUERIES, RING6_SNAPSHOTS, placed_panorama, yaws
@@ -90,9 +92,25 @@ def test_heading_of_the_robot_behind_a_turned_camera() -> None:
     panorama = the_map.nodes[0].panorama
     assert panorama is not None
     image, heading = cut_views(panorama, the_map.nodes[0].heading, the_map.camera)[3]
-    of_robot = sensor.observe(frame_of(image)).of_robot((0.1, 0.0, np.pi / 2))
+    mount = np.array([0.1, 0.0, np.pi / 2])
+    of_robot = sensor.observe(replace(frame_of(image), camera=mount)).of_robot(mount)
     assert float(wrap(of_robot.poses[0, 2] - (heading - np.pi / 2))) == pytest.approx(0.0, abs=0.02)
-    assert np.hypot(*of_robot.poses[0, :2]) == pytest.approx(0.1)
+    np.testing.assert_allclose(of_robot.poses[0, :2], 0.0, atol=1e-12)  # the axis stood on the node
+
+
+def test_the_node_is_where_the_axis_of_the_robot_stood() -> None:
+    """The camera rides ahead of the axis that turned on the node: it names its own pose, the robot's is the node."""
+    the_map = noise_map(2)
+    sensor = IMA()
+    sensor.fit(the_map)
+    panorama = the_map.nodes[1].panorama
+    assert panorama is not None
+    image, heading = cut_views(panorama, the_map.nodes[1].heading, the_map.camera)[7]
+    mount = np.array([0.1, 0.0, 0.0])
+    evidence = sensor.observe(Frame(0.0, None, mount, {"rgb": image}))
+    ahead = [1.0 + 0.1 * np.cos(heading), 0.1 * np.sin(heading)]
+    np.testing.assert_allclose(evidence.poses[1, :2], ahead, atol=2e-3)
+    np.testing.assert_allclose(evidence.of_robot(mount).poses[1, :2], [1.0, 0.0], atol=1e-12)
 
 
 def test_zoom_finds_a_view_from_nearer_and_from_farther() -> None:

@@ -12,6 +12,7 @@ from oracles.shared_data import RING6_QUERIES, placed_panorama
 from sensors.ima import IMAConfig, Matches, make_reference, match_slots
 from sensors.images import clahe, grey, resize
 from topoloc.files import read_image
+from topoloc.thesis import THESIS
 
 FLAT = IMAConfig().flat_variance
 TIE = 1e-4
@@ -132,8 +133,9 @@ def real_views() -> list[object]:
 def test_real_images(name: str) -> None:
     """A real view on a real panorama at the thesis's size: 54 x 72 on 54 x 648, 8 slots."""
     panorama, _ = placed_panorama()
-    ref = resize(clahe(grey(panorama), 2.0, 8, 40.0), 648, 54).astype(float)
-    new = resize(clahe(grey(read_image(RING6_QUERIES / name)), 2.0, 8), 72, 54).astype(float)
+    ref = resize(clahe(grey(panorama), THESIS.clahe_clip_limit, THESIS.clahe_tiles, 40.0), 648, 54).astype(float)
+    query = grey(read_image(RING6_QUERIES / name))
+    new = resize(clahe(query, THESIS.clahe_clip_limit, THESIS.clahe_tiles), 72, 54).astype(float)
     found, literal = fast(new, ref, 8, True), ima_literal(new, ref, 8, FLAT)
     values = np.array(literal.sums[1:])
     assert found.value[0] == pytest.approx(literal.max, abs=1e-4)

@@ -1,4 +1,4 @@
-"""The whole sensor, filter and zoom included, against the literal transcription run three times a node (4.1.5)."""
+"""The sensor with its zoom, but without filter, against the literal transcription run three times a node (4.1.5)."""
 
 from __future__ import annotations
 

@@ -87,6 +87,29 @@ class FirstHypothesisWins(Sound):
         return 0.0
 
 
+class Deaf(Sound):
+    """Takes in nothing at all."""
+
+    def reset(self, topo_map: TopoMap, rng: np.random.Generator, prior: WeightedPoses | None = None) -> None:
+        super().reset(topo_map, rng)
+
+    def predict(self, motion: Motion) -> None:
+        pass
+
+    def update(self, evidence: Evidence) -> float | None:
+        return None
+
+
+class Stubborn(Sound):
+    def update(self, evidence: Evidence) -> float | None:
+        return None
+
+
+class Backwards(Sound):
+    def predict(self, motion: Motion) -> None:
+        super().predict(Motion(-motion.delta, motion.covariance))
+
+
 class OverflowingWeights(Sound):
     def update(self, evidence: Evidence) -> float | None:
         if evidence.is_blind:
@@ -125,6 +148,9 @@ class ForgetsItsMap(Sound):
         (OwnDice, "same seed"),
         (FirstHypothesisWins, "order of hypotheses"),
         (ForgetsItsMap, "same seed"),
+        (Deaf, "a prior of one pose"),
+        (Stubborn, "make that node lead"),
+        (Backwards, "move the belief along its heading"),
     ],
 )
 def test_a_broken_estimator_is_told_what_is_wrong(broken: Callable[[], object], says: str) -> None:
@@ -154,7 +180,7 @@ class SoundSensor:
 
     def observe(self, frame: Frame) -> Evidence:
         image = frame.images["rgb"]
-        if image.std() < 1.0:
+        if image.reshape(-1, *image.shape[2:]).std(axis=0).max() < 1.0:
             return Evidence.blind()
         return evidence_for(self.topo_map, (float(image.mean()) / 64.0, 0.0, 0.0))
 
@@ -235,9 +261,28 @@ class MovesAbout(SoundSensor):
         return evidence if evidence.is_blind else replace(evidence, poses=evidence.poses + float(self.calls))
 
 
+class AlwaysBlind(SoundSensor):
+    def observe(self, frame: Frame) -> Evidence:
+        return Evidence.blind()
+
+
+class AlwaysTheSame(SoundSensor):
+    def observe(self, frame: Frame) -> Evidence:
+        evidence = super().observe(frame)
+        return evidence if evidence.is_blind else evidence_for(self.topo_map, (1.0, 0.0, 0.0))
+
+
+class SeesInTheDark(SoundSensor):
+    def observe(self, frame: Frame) -> Evidence:
+        return evidence_for(self.topo_map, (float(frame.images["rgb"].mean()) / 64.0, 0.0, 0.0))
+
+
 @pytest.mark.parametrize(
     ("broken", "says"),
     [
+        (AlwaysBlind, "must not be blind"),
+        (AlwaysTheSame, "different frames"),
+        (SeesInTheDark, "flat picture"),
         (NoFit, "lacks fit"),
         (NeedsAList, "frozenset"),
         (MatchAboveOne, r"match must lie in \[0, 1\]"),

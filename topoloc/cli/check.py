@@ -27,7 +27,8 @@ def check(path: Annotated[Path, Parameter(help="Map folder or recording folder."
     elif path.is_dir():
         raise InputError(path, "is neither a map nor a recording", "a map has map.toml, a recording rgb.txt")
     else:
-        raise InputError(path, "no such folder", "name a map folder or a recording folder")
+        problem = "is a file" if path.exists() else "no such folder"
+        raise InputError(path, problem, "name a map folder or a recording folder")
     print(report.summary)
     for finding in report.findings:
         print(f"- {finding.where}: {finding.what}; {finding.remedy}")

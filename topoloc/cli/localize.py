@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from topoloc.recording import Recording
     from topoloc.topo_map import TopoMap
 
+OUTPUTS = ("trajectory.txt", "steps.csv", "plan.png", "metrics.json")
 STEP_COLUMNS = ("timestamp", "x", "y", "heading_deg", "node", "probability", "status", "match", "kind")
 
 
@@ -48,7 +49,9 @@ def localize(
     drive = Recording.load(recording).on(the_map.camera)
     eye = plugins.make_sensor(sensor)
     _refuse_blindness(drive, sensor, eye)
-    with new_folder(output, overwrite) as folder:  # before the work: a place that cannot be written shows at once
+    with new_folder(
+        output, overwrite, owned=OUTPUTS
+    ) as folder:  # before the work: a place that cannot be written shows at once
         localizer = Localizer(the_map, eye, plugins.make_estimator(estimator), rng=seed)
         steps = []
         for picture in track(drive.pictures[drive.kind], "localizing"):
@@ -147,5 +150,5 @@ def _report(output: Path, steps: Sequence[Step], run: Run | None) -> None:
         Console().print(table)
     unreadable = [step.problem for step in steps if step.kind == "unreadable"]
     if unreadable:
-        print(f"warning: {len(unreadable)} frames counted as blind, the first because {unreadable[0]}", file=sys.stderr)
+        print(f"warning: frames counted as blind: {len(unreadable)}; first: {unreadable[0]}", file=sys.stderr)
     print(f"{output}: trajectory.txt, steps.csv, plan.png" + (", metrics.json" if run is not None else ""))

@@ -22,9 +22,13 @@ def build_app() -> App:
         name="topoloc",
         help="Where a robot with one camera and wheel odometry is on a topological map.",
         version=__version__,
+        suppress_keyboard_interrupt=False,
     )
     for name in names(COMMANDS):
-        app.command(load(COMMANDS, name), name=name)
+        try:
+            app.command(load(COMMANDS, name), name=name)
+        except UserError as error:  # a broken command of somebody else's must not take the others with it
+            print(f"topoloc: the command {name!r} is left out: {_one_line(str(error))}", file=sys.stderr)
     return app
 
 
@@ -37,13 +41,13 @@ def run(arguments: list[str]) -> int:
     """Run the command line; returns the exit code."""
     try:
         result = build_app()(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        return result if isinstance(result, int) else 0
     except CycloptsError as error:
         return _complain(f"{_one_line(str(error))} See 'topoloc --help'.")
     except UserError as error:
         return _complain(_one_line(str(error)))
-    except BrokenPipeError:  # the reader of a pipe has gone, as after "| head"
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+    except OSError as error:
+        return _system_says(error)
     except KeyboardInterrupt:
         print("topoloc: stopped", file=sys.stderr)
         return EXIT_INTERRUPTED
@@ -51,7 +55,15 @@ def run(arguments: list[str]) -> int:
         traceback.print_exc()
         print("topoloc: this is a defect of topoloc, not of your data; please report the lines above", file=sys.stderr)
         return EXIT_DEFECT
-    return result if isinstance(result, int) else 0
+
+
+def _system_says(error: OSError) -> int:
+    """What the system refuses in a place that no command foresaw: a full disk, a closed door, a reader that left."""
+    if isinstance(error, BrokenPipeError):  # as after "| head"
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    place = f"{error.filename}: " if error.filename else ""
+    return _complain(f"{place}{error.strerror or error}; look at the place, its room and its permissions")
 
 
 def _one_line(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,7 +56,8 @@ def panorama(
     rows = [(f.name, int(c), f"{d:.3f}") for f, c, d in zip(files, made.columns, degrees, strict=True)]
     write_csv(table, ("file", "column", "heading_deg"), rows)
     height, width = made.image.shape[:2]
-    print(f"{output}: {width} x {height} from {len(files)} snapshots, heading {np.rad2deg(made.heading):.2f} degrees")
+    print(f"{output}: {width} x {height}, heading {np.rad2deg(made.heading):.2f} degrees")
+    print(f"from {len(files)} snapshots, {files[0].name} to {files[-1].name}")
     print(f"{table}: column and heading of each snapshot")
     if made.filled < 1.0:
         gap = (1.0 - made.filled) * 360.0
@@ -66,6 +68,11 @@ def panorama(
         )
 
 
+def _in_order(path: Path) -> list[tuple[int, str]]:
+    """Sorts 2.jpg before 10.jpg, as cameras number them."""
+    return [(int(word), "") if word.isdecimal() else (-1, word) for word in re.split(r"(\d+)", path.name)]
+
+
 def _read_snapshots(folder: Path) -> tuple[list[Path], list[Image]]:
     """The pictures of a folder in file order, all of one size; anything else is a mistake that names the file."""
     from topoloc.errors import InputError
@@ -73,7 +80,7 @@ def _read_snapshots(folder: Path) -> tuple[list[Path], list[Image]]:
 
     if not folder.is_dir():
         raise InputError(folder, "no such folder", "name a folder of pictures")
-    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in PICTURE_ENDINGS)
+    files = sorted((p for p in folder.iterdir() if p.suffix.lower() in PICTURE_ENDINGS), key=_in_order)
     if len(files) < 2:
         raise InputError(folder, f"holds {len(files)} pictures", "a panorama needs two or more that overlap")
     pictures = [read_image(path) for path in files]
