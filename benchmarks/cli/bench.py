@@ -93,6 +93,7 @@ def bench(
             raise UserError("--resume takes its settings from the folder it continues; leave all others but --jobs out")
         folder, choice = resume, _read_choice(resume)
         suite = _suite(choice)
+        _refuse_other_settings(folder, choice, suite)
     else:
         if quick:
             seeds, updates = min(seeds, QUICK_SEEDS), min(updates, QUICK_UPDATES)
@@ -165,10 +166,15 @@ def _read_choice(folder: Path) -> Choice:
 
 
 def _write_config(folder: Path, choice: Choice, suite: Suite) -> None:
-    """The resolved settings, the versions and the machine: what somebody needs who repeats the run."""
     import tomli_w
 
     from topoloc.files import write_text
+
+    write_text(folder / "config.toml", tomli_w.dumps(_config(choice, suite)))
+
+
+def _config(choice: Choice, suite: Suite) -> dict[str, Any]:
+    """The resolved settings, the versions and the machine: what somebody needs who repeats the run."""
     from topoloc.plugins import ESTIMATORS, SENSORS
 
     config = {
@@ -184,7 +190,20 @@ def _write_config(folder: Path, choice: Choice, suite: Suite) -> None:
         "sensors": {name: _defaults(SENSORS, name) for name in suite.sensors},
         "estimators": {name: _defaults(ESTIMATORS, name) for name in suite.estimators},
     }
-    write_text(folder / "config.toml", tomli_w.dumps(_plain(config)))
+    return dict(_plain(config))
+
+
+def _refuse_other_settings(folder: Path, choice: Choice, suite: Suite) -> None:
+    """Rows of two versions or settings in one table could not be told apart."""
+    from topoloc.settings import read_toml
+
+    path = folder / "config.toml"
+    then, now = read_toml(path, "name the folder of a benchmark run"), _config(choice, suite)
+    if then.get("versions", {}).get("topoloc") != now["versions"]["topoloc"]:
+        raise InputError(path, "the run was begun with another version of topoloc", "start a new run")
+    for section in ("scenarios", "sensors", "estimators"):
+        if then.get(section) != now[section]:
+            raise InputError(path, f"[{section}] has other settings than today's defaults", "start a new run")
 
 
 def _versions() -> Iterator[tuple[str, str]]:

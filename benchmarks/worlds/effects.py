@@ -32,6 +32,12 @@ class SensorEffects:
     vignette: float = 0.15
     glare: float = 0.06
 
+    def __post_init__(self) -> None:
+        if min(self.exposure_sd, self.noise_grey, self.blur_px) < 0.0:
+            raise ValueError("exposure_sd, noise_grey and blur_px must not be negative")
+        if not (0.0 <= self.vignette <= 1.0 and 0.0 <= self.glare <= 1.0):
+            raise ValueError("vignette and glare must lie between 0 and 1")
+
 
 def sense(image: Image, effects: SensorEffects, rng: np.random.Generator) -> Image:
     """The picture (rows, cols, 3) as the sensor delivers it; same shape."""

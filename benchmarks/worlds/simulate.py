@@ -25,6 +25,7 @@ KIDNAP_COVERED = 2
 PEOPLE_LINGER = 0.7
 """Correlation of people's presence from one frame to the next."""
 SECONDS_PER_FRAME = 1.0
+MOST_FRAMES = 100_000
 
 
 @dataclass(frozen=True)
@@ -66,10 +67,19 @@ class LabSettings:
         for name in ("people", "age"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must lie between 0 and 1")
+        for name in ("shake_px", "snapshot_shake_px", "placement_noise_columns"):
+            if getattr(self, name) < 0.0:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must not be negative")
+        if not (np.isfinite(self.laps) and self.frames <= MOST_FRAMES):
+            raise ValueError(f"laps {self.laps} and updates {self.updates} make more than {MOST_FRAMES} frames")
         if self.frames < 1:
             raise ValueError(f"laps {self.laps} and updates {self.updates} leave no frame")
-        if self.kidnap_at >= self.frames:
-            raise ValueError(f"kidnap_at is {self.kidnap_at}, but there are {self.frames} frames")
+        if not -1 <= self.kidnap_at < self.frames:
+            raise ValueError(
+                f"kidnap_at is {self.kidnap_at}; with {self.frames} frames it lies between -1 and the last"
+            )
+        if any(not 0 <= index < self.frames for index in self.covered):
+            raise ValueError(f"covered is {self.covered}; with {self.frames} frames indices lie between 0 and the last")
 
     @property
     def frames(self) -> int:

@@ -66,3 +66,17 @@ def test_resume_takes_no_other_settings_and_wants_a_run(tmp_path: Path) -> None:
         bench(resume=tmp_path, seeds=5)
     with pytest.raises(UserError, match=r"config\.toml: no such file"):
         bench(resume=tmp_path)
+
+
+def test_a_run_with_other_settings_is_not_continued(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    bench(**SMALL, seeds=1, updates=3, jobs=1, out=folder)  # type: ignore[arg-type]
+    config = folder / "config.toml"
+    text = config.read_text()
+    for old, new in (("updates = 3\n", "updates = 3\n"), ("recovery = 0.01", "recovery = 0.5")):
+        config.write_text(text.replace(old, new))
+        if old == new:
+            bench(resume=folder, jobs=1)
+        else:
+            with pytest.raises(UserError, match=r"config.toml.*\[estimators\].*start a new run"):
+                bench(resume=folder, jobs=1)
