@@ -101,6 +101,9 @@ class ActivityTracker:
     def __init__(self, config: ActivityTrackerConfig | None = None) -> None:
         self.config = config or ActivityTrackerConfig()
         self.last: TrackerStep | None = None
+        self._displacement: Floats  # (2,) since the last winning destination [m]
+        self._turned: float  # since then [rad]
+        self._drift: Floats  # (3,) variances of both [m^2, m^2, rad^2]; along and across are taken alike
 
     def reset(self, topo_map: TopoMap, rng: np.random.Generator, prior: WeightedPoses | None = None) -> None:
         """Every node an origin of activity 1/K with unknown heading (5.2.2), or the origins and heading of a prior.
@@ -129,7 +132,7 @@ class ActivityTracker:
         self._origins, self._best_origin = origins, best_origin
         self._odometer_heading = 0.0  # integrated from the motions that follow
         self._offset = heading  # of the map's heading against the odometer's
-        self._displacement, self._turned = np.zeros(2), 0.0  # since the last winning destination
+        self._reset_odometry()
 
     @property
     def heading(self) -> float:
@@ -144,6 +147,7 @@ class ActivityTracker:
         if self._best_origin is not None:
             self._displacement = self._displacement + rotate(motion.delta[:2], self.heading)
             self._turned = float(wrap(self._turned + motion.delta[2]))
+            self._drift = self._drift + np.diag(motion.covariance)
         self._odometer_heading = float(wrap(self._odometer_heading + motion.delta[2]))
 
     def update(self, evidence: Evidence) -> None:
@@ -167,7 +171,7 @@ class ActivityTracker:
 
     @property
     def belief(self) -> WeightedPoses:
-        """The origins, moved by the displacement since they were destinations."""
+        """The origins, moved by the displacement since they were destinations; as uncertain as that is, and a node."""
         origins = self._origins
         positions = self._positions[origins.nodes] + self._displacement
         headings = wrap(origins.headings + self._turned)
@@ -177,7 +181,7 @@ class ActivityTracker:
         poses = np.column_stack([positions[rows], np.concatenate([headings[known], fill])])
         share = np.where(known[rows], 1.0, 1.0 / len(UNKNOWN_HEADINGS))
         with np.errstate(divide="ignore"):  # an activity may have underflowed to zero
-            return WeightedPoses(poses, np.log(origins.activity[rows] * share), NODE_SPREAD)
+            return WeightedPoses(poses, np.log(origins.activity[rows] * share), NODE_SPREAD + self._drift)
 
     def _supposed_node(self) -> int | None:
         """d0: the node nearest to o* plus the odometry displacement; None before the first win."""
@@ -213,8 +217,11 @@ class ActivityTracker:
         """The end of Code 3.1: reset the odometry to d*, correct the heading if the match allows it, O <- D."""
         if destinations.match[winner] > self.config.head_threshold and np.isfinite(destinations.headings[winner]):
             self._offset = float(wrap(destinations.headings[winner] - self._odometer_heading))
-        self._displacement, self._turned = np.zeros(2), 0.0
+        self._reset_odometry()
         self._origins, self._best_origin = destinations, winner
+
+    def _reset_odometry(self) -> None:
+        self._displacement, self._turned, self._drift = np.zeros(2), 0.0, np.zeros(3)
 
 
 def action_model(delta_l: Floats, delta_phi: Floats) -> Floats:

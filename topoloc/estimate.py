@@ -30,6 +30,7 @@ class EstimateRule:
             for an estimator that holds one Gaussian, whose mean and covariance then come out exactly.
         localized_above: LOCALIZED from this probability on.
         lost_below: LOST below this probability.
+        astray_m: a mode farther than this from every node, edge and free area is at no node: probability 0, LOST [m].
     """
 
     bias: float = 0.0
@@ -39,6 +40,7 @@ class EstimateRule:
     mode_radius_m: float = 1.0
     localized_above: float = 0.7
     lost_below: float = 0.3
+    astray_m: float = 2.0
 
 
 def sureness(mass: float) -> float:
@@ -85,7 +87,15 @@ def estimate_from(
     probability = float(expit(chosen.bias + chosen.gain * sureness(mass) + chosen.evidence_gain * log_evidence))
     pose, covariance = _leading_mode(belief, topo_map, leader, chosen.mode_radius_m)
     node = None if tied else leader
-    return Estimate(pose, covariance, node, 0.0 if tied else probability, _status(node, probability, chosen))
+    if tied or _astray(pose, topo_map, chosen.astray_m):
+        probability = 0.0
+    return Estimate(pose, covariance, node, probability, _status(node, probability, chosen))
+
+
+def _astray(pose: Floats, topo_map: TopoMap, reach: float) -> bool:
+    """Whether a pose lies off the map; most lie near a node, and need no look at the edges."""
+    place = pose[None, :2]
+    return bool(topo_map.distance_to_nearest(place)[0] > reach and not topo_map.is_free(place, reach)[0])
 
 
 def _leading_mode(belief: WeightedPoses, topo_map: TopoMap, node: int, radius: float) -> tuple[Floats, Floats]:

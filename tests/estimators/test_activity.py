@@ -284,3 +284,15 @@ def test_prior_without_a_common_heading_invents_none() -> None:
     assert np.isnan(tracker.last.origins.headings).all()
     tracker.update(seen({"1": 0.7}, 60.0))
     assert np.rad2deg(tracker.heading) == pytest.approx(60.0)
+
+
+def test_supposed_places_grow_uncertain_until_a_win() -> None:
+    tracker = tracker_at(origins(["8"], [1.0], 0.0), "8", 0.0)
+    spreads = [tracker.belief.spread]
+    for _ in range(3):
+        tracker.predict(motion(0.3))
+        tracker.update(Evidence.blind())
+        spreads.append(tracker.belief.spread)
+    np.testing.assert_allclose(np.diff(spreads, axis=0), 1e-4)
+    tracker.update(seen({"1": 0.8}, 0.0))
+    np.testing.assert_allclose(tracker.belief.spread, spreads[0])

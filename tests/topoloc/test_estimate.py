@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from topoloc.estimate import EstimateRule, estimate_from, mean_and_covariance, node_masses
+from topoloc.testing import toy_map
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Status, WeightedPoses
 
@@ -117,3 +118,14 @@ class TestEstimate:
         rows = [(0.0, 0.0, 0.5), (0.1, 0.0, -2.0)]
         estimate = estimate_from(belief_of(rows, [1.0, 0.0]), LINE)
         assert estimate.pose == pytest.approx([0.0, 0.0, 0.5])
+
+
+def test_a_robot_far_off_the_map_is_lost_and_at_no_node() -> None:
+    the_map = toy_map()
+    for distance, status in ((1.5, Status.LOCALIZED), (2.5, Status.LOST)):
+        pose = np.array([[the_map.positions[:, 0].max() + distance, 0.0, 0.0]])
+        estimate = estimate_from(WeightedPoses.uniform(pose), the_map)
+        assert estimate.status is status
+        assert (estimate.probability == 0.0) == (status is Status.LOST)
+    corridor = TopoMap("corridor", Camera(), (Node("a", "", 0.0, 0.0), Node("b", "", 20.0, 0.0)))
+    assert estimate_from(WeightedPoses.uniform(np.array([[9.0, 0.0, 0.0]])), corridor).status is Status.LOCALIZED
