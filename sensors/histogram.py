@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from sensors.calibration import log_density, match_of, wrong_distance
-from sensors.images import grey, views_of
+from sensors.images import Views, grey, views_of
 from topoloc.errors import UserError
 from topoloc.geometry import Floats
 from topoloc.topo_map import TopoMap
@@ -60,6 +60,7 @@ class ColorHistogram:
 
     def __init__(self, config: ColorHistogramConfig | None = None) -> None:
         self.config = config or ColorHistogramConfig()
+        self._views = Views(np.zeros((0, 3)), [], on_nodes=False)
 
     def fit(self, topo_map: TopoMap) -> None:
         """Histograms of the map's views, or of views cut from its panoramas.
@@ -83,6 +84,8 @@ class ColorHistogram:
 
     def observe(self, frame: Frame) -> Evidence:
         """The nearest views as hypotheses; blind for a picture without contrast."""
+        if not self._views.images:
+            raise RuntimeError("ColorHistogram knows no map yet: call fit(topo_map) before observe(frame)")
         image = frame.images["rgb"]
         if float(grey(image).std()) < self.config.blind_deviation:
             return Evidence.blind()

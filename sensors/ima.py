@@ -194,6 +194,7 @@ class IMA:
 
     def __init__(self, config: IMAConfig | None = None) -> None:
         self.config = config or IMAConfig()
+        self._references: list[Reference] = []
 
     def fit(self, topo_map: TopoMap) -> None:
         """Prepare every panorama, plain and zoomed in, and measure how alike wrong nodes look.
@@ -221,6 +222,8 @@ class IMA:
 
     def observe(self, frame: Frame) -> Evidence:
         """One hypothesis a node: where and how well the frame matches its panorama; blind for a flat picture."""
+        if not self._references:
+            raise RuntimeError("IMA knows no map yet: call fit(topo_map) before observe(frame)")
         image = frame.images["rgb"]
         if _scaled(grey(image), self.config.scale_columns, self._rows).std() < self.config.blind_deviation:
             return Evidence.blind()

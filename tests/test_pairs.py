@@ -97,3 +97,9 @@ def test_grid_and_particles_say_the_same_of_a_real_sensor() -> None:
         localizer = Localizer(drive().topo_map, shared("ima"), plugins.make_estimator(name), rng=2)
         nodes.append([localizer.step(frame).node for frame in drive().frames])
     assert np.mean(np.equal(*nodes)) >= 0.9
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_a_sensor_without_a_map_says_what_to_call(name: str) -> None:
+    with pytest.raises(RuntimeError, match="fit"):
+        plugins.make_sensor(name).observe(drive().frames[0])

@@ -6,16 +6,17 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from topoloc import plugins
+from topoloc.cli.main import run
 from topoloc.errors import UnknownName, UserError
 
 GROUPS = (plugins.SENSORS, plugins.ESTIMATORS, plugins.WORLDS, plugins.PANORAMAS, plugins.COMMANDS)
-REGISTERED = [(group, name) for group in GROUPS for name in plugins.names(group) if name != "bench"]
+REGISTERED = [(group, name) for group in GROUPS for name in plugins.names(group)]
 
 
 def test_ours_are_registered() -> None:
     assert {"ima", "histogram"} <= set(plugins.names(plugins.SENSORS))
     assert {"activity", "grid", "particle", "best-match", "dead-reckoning"} <= set(plugins.names(plugins.ESTIMATORS))
-    assert {"check", "list", "localize", "panorama", "simulate"} <= set(plugins.names(plugins.COMMANDS))
+    assert {"bench", "check", "list", "localize", "panorama", "simulate"} <= set(plugins.names(plugins.COMMANDS))
     assert "lab" in plugins.names(plugins.WORLDS) and "thesis" in plugins.names(plugins.PANORAMAS)
 
 
@@ -71,3 +72,20 @@ class TestOutsiders:
         monkeypatch.setattr(plugins, "entry_points", lambda group: [])
         with pytest.raises(UnknownName, match="none is installed"):
             plugins.load(plugins.SENSORS, "ima")
+
+    def test_a_class_without_settings_takes_none(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(plugins, "load", lambda group, name: dict)
+        assert plugins.make(plugins.SENSORS, "mine") == {}
+        with pytest.raises(UserError, match=r"settings of mine: nothing is called 'slots' here"):
+            plugins.make(plugins.SENSORS, "mine", {"slots": 3})
+
+    def test_a_broken_command_does_not_take_the_others_with_it(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        known = plugins.entry_points(group=plugins.COMMANDS)
+        broken = EntryPoint("broken", "a_package_that_nobody_has:thing", plugins.COMMANDS)
+        monkeypatch.setattr(plugins, "entry_points", lambda group: [*known, broken])
+        assert run(["--version"]) == 0
+        captured = capsys.readouterr()
+        assert "'broken' is left out" in captured.err
+        assert captured.out.strip()
