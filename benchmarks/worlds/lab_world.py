@@ -6,7 +6,7 @@ from benchmarks.worlds.simulate import LabSettings, Simulation, simulate
 
 
 class LabWorld:
-    """The thesis's laboratory (5.2, Figure 5.22), simulated: eight nodes on a 1 m grid in a room of 6 m x 6 m."""
+    """The thesis's laboratory (5.2, Figure 5.22), simulated: eight nodes on a 1 m grid in a room of 6.6 m x 6.6 m."""
 
     Config = LabSettings
 
