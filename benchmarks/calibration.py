@@ -1,7 +1,7 @@
 """Fits what sensors and estimators claim to what is so, on calibration worlds: ``python -m benchmarks.calibration``.
 
 Printed are the sensors' scale from match to log-likelihood, and the estimators' rule from belief to probability;
-both stand as defaults where they are used. The seeds are used for nothing else. A hypothesis counts as right when the
+both stand as defaults where they are used. No benchmark uses these seeds. A hypothesis counts as right when the
 robot's true pose lies near it, a node as in the benchmark. Simulated worlds: a real building will differ.
 """
 

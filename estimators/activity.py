@@ -21,8 +21,6 @@ LEAST_RESULTANT = 0.2
 """Headings whose mean unit vector is shorter than this have no direction in common."""
 UNKNOWN_HEADINGS = np.deg2rad([-180.0, -90.0, 0.0, 90.0])
 """A hypothesis without a heading stands in the belief four times, so that its mean heading is nowhere."""
-
-
 NODE_SPREAD = np.array([PLACE_SD_M, PLACE_SD_M, np.deg2rad(HEADING_SD_DEG)]) ** 2
 
 

@@ -16,7 +16,7 @@ from topoloc.types import Evidence, Frame, Image, Ints
 UNRELATED_MATCH = 0.43
 """95th percentile of IMA with 8 slots between unrelated pictures: what a map of one node is held against."""
 CALIBRATION_NODES, CALIBRATION_STRIDE = 16, 4
-"""``fit`` matches views of at most so many nodes, and of these every so-manieth direction."""
+"""``fit`` matches views of at most so many nodes: of each, one direction in so many."""
 
 
 @dataclass(frozen=True)
@@ -321,11 +321,11 @@ class IMA:
         return float(np.mean(wrong))
 
 
-def _scaled(picture: Image, columns: int, rows: int, zoom_across: float = 1.0, zoom_along: float = 1.0) -> Floats:
-    """Grey levels (rows, columns * zoom_along / zoom_across) of a grey picture whose outer parts are cropped.
+def _scaled(picture: Image, columns: int, rows: int, zoom_columns: float = 1.0, zoom_rows: float = 1.0) -> Floats:
+    """Grey levels (rows, columns * zoom_rows / zoom_columns) of a grey picture whose outer parts are cropped.
 
     A frame is zoomed in both ways: cropped to 1 / zoom of its columns and rows, and scaled back to its size. A
-    reference keeps its full width (``zoom_across`` 1): it is cropped in height only and grows wider.
+    reference keeps its full width (``zoom_columns`` 1): it is cropped in height only and grows wider.
     """
-    kept = crop_centre(picture, 1.0 / zoom_across, 1.0 / zoom_along)
-    return np.asarray(resize(kept, round(columns * zoom_along / zoom_across), rows), dtype=np.float64)
+    kept = crop_centre(picture, 1.0 / zoom_columns, 1.0 / zoom_rows)
+    return np.asarray(resize(kept, round(columns * zoom_rows / zoom_columns), rows), dtype=np.float64)

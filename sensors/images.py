@@ -49,7 +49,7 @@ def resize(image: Image, columns: int, rows: int) -> Image:
 
 
 def crop_centre(image: Image, width_share: float, height_share: float) -> Image:
-    """The middle of a picture: these shares of its columns and rows, rounded to whole pixels of equal parity."""
+    """The middle of a picture: these shares of its columns and rows, the same whole pixels off either side."""
     rows, columns = image.shape[:2]
     left = round(columns * (1.0 - width_share) / 2.0)
     top = round(rows * (1.0 - height_share) / 2.0)

@@ -115,6 +115,7 @@ class _Canvas:
 
     @classmethod
     def empty(cls, rows: int, columns: int) -> _Canvas:
+        """A circle on which nothing stands yet."""
         return cls(np.zeros((rows, columns)), np.zeros(columns, dtype=bool))
 
     def insert(self, picture: Floats, left: int) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.spoil import Spoil, remove, rewrite, write
 
 from sensors.images import cut_views
 from topoloc import __version__, plugins
@@ -271,30 +272,6 @@ def refused(arguments: Sequence[str], folder: Path, capfd: pytest.CaptureFixture
     for words in says:
         assert re.search(words, err), err
     assert content(folder) == before
-
-
-Spoil = Callable[[Path], object]
-
-
-def rewrite(name: str, old: str, new: str) -> Spoil:
-    def change(place: Path) -> None:
-        text = (place / name).read_text()
-        assert old in text
-        (place / name).write_text(text.replace(old, new, 1))
-
-    return change
-
-
-def write(name: str, data: str | bytes) -> Spoil:
-    return lambda place: (place / name).write_bytes(data.encode() if isinstance(data, str) else data)
-
-
-def remove(name: str) -> Spoil:
-    def change(place: Path) -> None:
-        path = place / name
-        shutil.rmtree(path) if path.is_dir() else path.unlink()
-
-    return change
 
 
 def picture(name: str, rows: int, columns: int) -> Spoil:

@@ -44,7 +44,7 @@ class EstimateRule:
 
 
 def sureness(mass: float) -> float:
-    """Logit of a belief's mass, neither of which is taken for more than ``SUREST`` certain."""
+    """Logit of a belief's mass, as if it were at most ``SUREST`` and at least one minus that."""
     return float(logit(np.clip(mass, 1.0 - SUREST, SUREST)))
 
 

@@ -81,12 +81,13 @@ def new_folder(path: Path, overwrite: bool = False, owned: Sequence[str] = ()) -
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
         temporary.chmod(0o777 & ~_umask())
-        try:
-            yield temporary
+    try:
+        yield temporary  # what goes wrong here is not for this place to explain
+        with _plain_os_errors(path):
             _move_into(temporary, path, owned)
-        except BaseException:
-            shutil.rmtree(temporary, ignore_errors=True)
-            raise
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
 
 
 def _move_into(temporary: Path, path: Path, owned: Sequence[str]) -> None:

@@ -7,7 +7,6 @@ import io
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +22,9 @@ from topoloc.types import Image, Ints
 MAP_FILE, NODES_FILE, EDGES_FILE, VIEWS_FILE = "map.toml", "nodes.csv", "edges.csv", "views.csv"
 NODE_COLUMNS = ("id", "name", "x", "y", "heading", "panorama")
 EDGE_COLUMNS = ("a", "b")
+VIEW_COLUMNS = ("x", "y", "heading", "image")
 FARTHEST_M = 1e6
 """A node farther from the origin than this is a mistake in its units [m]."""
-VIEW_COLUMNS = ("x", "y", "heading", "image")
 
 
 def load_map(folder: Path) -> TopoMap:
@@ -229,8 +228,3 @@ def _view_row(view: View, i: int, target: Path) -> tuple[str, str, str, str]:
 def _degrees(angle: float) -> str:
     """An angle [rad] in degrees, to a digit less than it has, so that 20 stays 20."""
     return f"{np.rad2deg(angle):.14g}"
-
-
-def without_pictures(topo_map: TopoMap) -> TopoMap:
-    """The same places without panoramas and views: what an estimator needs, small enough to send elsewhere."""
-    return replace(topo_map, nodes=tuple(replace(node, panorama=None) for node in topo_map.nodes), views=())

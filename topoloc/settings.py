@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -93,8 +93,3 @@ def parse_words(words: Sequence[str]) -> dict[str, Any]:
                 raise UserError(f"{word!r}: {name!r} was given a value of its own already; give it once")
         inner[last] = value
     return table
-
-
-def as_table(settings: Any) -> dict[str, Any]:
-    """A settings dataclass as a table that ``build`` reads back; fields that are None are left out."""
-    return {key: value for key, value in asdict(settings).items() if value is not None}

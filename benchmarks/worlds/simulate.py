@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from benchmarks.worlds.lab import NODES, lab_scene, person
 from benchmarks.worlds.renderer import EYE_M, Scene, Shake, render_frame
 from benchmarks.worlds.snapshots import first_column_heading, panorama_of
 from topoloc.geometry import Floats, between, compose
+from topoloc.recording import LazyImages
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Frame, Image
 
@@ -102,48 +104,20 @@ class Simulation:
     truth: Floats
 
 
-class RenderedImages(Mapping[str, Image]):
-    """The picture of one frame, under ``rgb``, rendered on first access; the order of accesses does not matter.
-
-    Args:
-        scene: what there is to see.
-        pose: (3,) of the camera.
-        camera: that takes it.
-        settings: shake and errors of the sensor.
-        covered: the camera sees nothing.
-        seed: of this frame's random numbers.
-    """
-
-    def __init__(
-        self, scene: Scene, pose: Floats, camera: Camera, settings: LabSettings, covered: bool, seed: Sequence[int]
-    ) -> None:
-        self._scene, self._pose, self._camera = scene, pose, camera
-        self._settings, self._covered, self._seed = settings, covered, seed
-        self._image: Image | None = None
-
-    def __getitem__(self, kind: str) -> Image:
-        """The picture, uint8 (height, width, 3) RGB."""
-        if kind != "rgb":
-            raise KeyError(kind)
-        if self._image is None:
-            self._image = self._taken()
-            self._image.setflags(write=False)
-        return self._image
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(("rgb",))
-
-    def __len__(self) -> int:
-        return 1
-
-    def _taken(self) -> Image:
-        rng = np.random.default_rng(self._seed)
-        down, aside, roll = rng.normal(0.0, self._settings.shake_px, 3) * (1.0, 0.7, 0.7)
-        if self._covered:
-            dark = np.full((self._camera.height, self._camera.width, 3), 6, dtype=np.uint8)
-            return sense(dark, SensorEffects(0.0, 1.0, 0.0, 0.0, 0.0), rng)
-        frame = render_frame(self._scene, self._pose, self._camera, EYE_M, Shake(down, aside, roll))
-        return sense(frame, self._settings.effects, rng)
+def _taken(
+    scene: Scene, pose: Floats, camera: Camera, settings: LabSettings, covered: bool, seed: tuple[int, ...]
+) -> Image:
+    """The picture (height, width, 3) of a camera at ``pose`` (3,); its own seed makes the order irrelevant."""
+    rng = np.random.default_rng(seed)
+    down, aside, roll = rng.normal(0.0, settings.shake_px, 3) * (1.0, 0.7, 0.7)
+    if covered:
+        dark = np.full((camera.height, camera.width, 3), 6, dtype=np.uint8)
+        image = sense(dark, SensorEffects(0.0, 1.0, 0.0, 0.0, 0.0), rng)
+    else:
+        frame = render_frame(scene, pose, camera, EYE_M, Shake(down, aside, roll))
+        image = sense(frame, settings.effects, rng)
+    image.setflags(write=False)
+    return image
 
 
 def _lab_map(scene: Scene, camera: Camera, mount: Floats, settings: LabSettings, seed: int) -> TopoMap:
@@ -227,6 +201,6 @@ def simulate(settings: LabSettings | None = None, seed: int = 0) -> Simulation:
     for number, (pose, reading) in enumerate(zip(compose(truth, mount), readings, strict=True)):
         own = np.random.default_rng([seed, 6, number])
         scene = _with_person(now, camera, pose, seed, own) if someone[number] else now
-        images = RenderedImages(scene, pose, camera, settings, number in dark, (seed, 7, number))
-        frames.append(Frame(number * SECONDS_PER_FRAME, reading, mount, images))
+        render = partial(_taken, scene, pose, camera, settings, number in dark, (seed, 7, number))
+        frames.append(Frame(number * SECONDS_PER_FRAME, reading, mount, LazyImages({"rgb": render})))
     return Simulation(topo_map, tuple(frames), truth)

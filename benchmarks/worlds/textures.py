@@ -15,7 +15,6 @@ Canvas = NDArray[np.float32]
 
 WHITE: Colour = (232.0, 230.0, 222.0)
 BEECH: Colour = (196.0, 164.0, 122.0)
-GREY: Colour = (150.0, 152.0, 155.0)
 DARK: Colour = (38.0, 38.0, 42.0)
 BEIGE: Colour = (205.0, 200.0, 184.0)
 

@@ -12,7 +12,7 @@ from sensors.ima import IMA, IMAConfig
 from sensors.images import clahe, cut_views, grey
 from topoloc.errors import UserError
 from topoloc.files import read_image
-from topoloc.geometry import wrap
+from topoloc.geometry import rotate, wrap
 from topoloc.thesis import THESIS
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Frame
@@ -85,32 +85,22 @@ def test_a_view_cut_from_a_panorama_is_found_with_its_heading() -> None:
             assert abs(float(wrap(evidence.poses[k, 2] - heading))) < np.deg2rad(0.6)
 
 
-def test_heading_of_the_robot_behind_a_turned_camera() -> None:
-    the_map = noise_map(1)
-    sensor = IMA()
-    sensor.fit(the_map)
-    panorama = the_map.nodes[0].panorama
-    assert panorama is not None
-    image, heading = cut_views(panorama, the_map.nodes[0].heading, the_map.camera)[3]
-    mount = np.array([0.1, 0.0, np.pi / 2])
-    of_robot = sensor.observe(replace(frame_of(image), camera=mount)).of_robot(mount)
-    assert float(wrap(of_robot.poses[0, 2] - (heading - np.pi / 2))) == pytest.approx(0.0, abs=0.02)
-    np.testing.assert_allclose(of_robot.poses[0, :2], 0.0, atol=1e-12)  # the axis stood on the node
-
-
-def test_the_node_is_where_the_axis_of_the_robot_stood() -> None:
-    """The camera rides ahead of the axis that turned on the node: it names its own pose, the robot's is the node."""
+@pytest.mark.parametrize("mount", [(0.1, 0.0, 0.0), (0.1, 0.02, np.pi / 2)], ids=["ahead", "turned to the left"])
+def test_the_node_is_where_the_axis_of_the_robot_stood(mount: tuple[float, float, float]) -> None:
+    """The camera rides off the axis that turned on the node: it names its own pose, the robot's is the node."""
     the_map = noise_map(2)
     sensor = IMA()
     sensor.fit(the_map)
     panorama = the_map.nodes[1].panorama
     assert panorama is not None
-    image, heading = cut_views(panorama, the_map.nodes[1].heading, the_map.camera)[7]
-    mount = np.array([0.1, 0.0, 0.0])
-    evidence = sensor.observe(Frame(0.0, None, mount, {"rgb": image}))
-    ahead = [1.0 + 0.1 * np.cos(heading), 0.1 * np.sin(heading)]
-    np.testing.assert_allclose(evidence.poses[1, :2], ahead, atol=2e-3)
-    np.testing.assert_allclose(evidence.of_robot(mount).poses[1, :2], [1.0, 0.0], atol=1e-12)
+    image, axis = cut_views(panorama, the_map.nodes[1].heading, the_map.camera)[7]
+    evidence = sensor.observe(replace(frame_of(image), camera=np.array(mount)))
+    heading = axis - mount[2]
+    off = rotate(mount[:2], heading)
+    np.testing.assert_allclose(evidence.poses[1, :2], [1.0 + off[0], off[1]], atol=2e-3)
+    robot = evidence.of_robot(mount).poses[1]
+    np.testing.assert_allclose(robot[:2], [1.0, 0.0], atol=1e-12)
+    assert float(wrap(robot[2] - heading)) == pytest.approx(0.0, abs=0.02)
 
 
 def test_zoom_finds_a_view_from_nearer_and_from_farther() -> None:

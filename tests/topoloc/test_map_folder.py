@@ -5,17 +5,16 @@ from __future__ import annotations
 import re
 import struct
 import zlib
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.spoil import remove, rewrite, write
 
 from topoloc.errors import InputError, OutputExists, UserError
 from topoloc.files import write_image
 from topoloc.geometry import wrap
-from topoloc.map_folder import without_pictures
 from topoloc.topo_map import Camera, Node, TopoMap, View
 
 CAMERA = Camera(40.0, 48, 36)
@@ -103,12 +102,6 @@ class TestRoundTrip:
         assert_same_map(TopoMap.load(tmp_path / "m"), the_map)
         assert (tmp_path / "m" / "precious").read_text() == "mine"
 
-    def test_without_pictures(self) -> None:
-        bare = without_pictures(full_map())
-        assert all(node.panorama is None for node in bare.nodes) and not bare.views
-        assert np.array_equal(bare.positions, full_map().positions)
-        assert np.array_equal(np.asarray(bare.edges), np.asarray(full_map().edges))
-
 
 NODES = "id,name,x,y,heading,panorama\n1,one,0,0,0,one.png\n\n2,two,1,0,90,\n"
 
@@ -163,23 +156,6 @@ class TestByHand:
     def test_a_panorama_may_be_scaled(self, folder: Path) -> None:
         write_image(folder / "one.png", picture(18, 216))
         assert TopoMap.load(folder).nodes[0].panorama is not None
-
-
-def rewrite(name: str, old: str, new: str) -> Callable[[Path], None]:
-    def change(folder: Path) -> None:
-        text = (folder / name).read_text()
-        assert old in text
-        (folder / name).write_text(text.replace(old, new, 1))
-
-    return change
-
-
-def write(name: str, data: str | bytes) -> Callable[[Path], None]:
-    return lambda folder: (folder / name).write_bytes(data.encode() if isinstance(data, str) else data) and None
-
-
-def remove(name: str) -> Callable[[Path], None]:
-    return lambda folder: (folder / name).unlink()
 
 
 TOML = "[camera]\nwidth = 48\nheight = 36\n"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.spoil import rewrite, write
 
 from topoloc.errors import InputError, UnreadableImage, UserError
 from topoloc.files import write_image
@@ -204,22 +204,6 @@ class TestByHand:
         else:
             with pytest.raises(InputError, match=r"camera\.toml: hfov_deg is 40, but the map.*; "):
                 recording.on(replace(CAMERA, hfov_deg=hfov))
-
-
-def rewrite(name: str, old: str, new: str) -> Callable[[Path], None]:
-    def change(folder: Path) -> None:
-        text = (folder / name).read_text()
-        assert old in text
-        (folder / name).write_text(text.replace(old, new, 1))
-
-    return change
-
-
-def write(name: str, data: str | bytes) -> Callable[[Path], None]:
-    def change(folder: Path) -> None:
-        (folder / name).write_bytes(data.encode() if isinstance(data, str) else data)
-
-    return change
 
 
 BAD = {

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from topoloc.errors import InputError, UserError
-from topoloc.settings import as_table, build, parse_words, read_toml
+from topoloc.settings import build, parse_words, read_toml
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,6 @@ class TestBuild:
     )
     def test_words_of_the_command_line(self, word: str, expected: dict[str, Any]) -> None:
         assert build(Outer, parse_words([word]), "here") == Outer(**expected)
-
-    def test_as_table_reads_back(self) -> None:
-        made = Outer(count=9, marks=(1, 2), inner=Inner(deep=True))
-        assert build(Outer, as_table(made), "here") == made
 
     @pytest.mark.parametrize(
         ("table", "says"),

@@ -49,9 +49,8 @@ def localize(
     drive = Recording.load(recording).on(the_map.camera)
     eye = plugins.make_sensor(sensor)
     _refuse_blindness(drive, sensor, eye)
-    with new_folder(
-        output, overwrite, owned=OUTPUTS
-    ) as folder:  # before the work: a place that cannot be written shows at once
+    # The folder comes before the work: a place that cannot be written shows at once.
+    with new_folder(output, overwrite, owned=OUTPUTS) as folder:
         localizer = Localizer(the_map, eye, plugins.make_estimator(estimator), rng=seed)
         steps = []
         for picture in track(drive.pictures[drive.kind], "localizing"):

@@ -33,7 +33,7 @@ def build_app() -> App:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 done, 1 findings of ``check``, 2 a user's mistake, 70 a defect of ours."""
+    """Run the command line and exit: 0 done, 1 findings of ``check``, 2 a user's mistake, 70 a defect, 130 Ctrl-C."""
     sys.exit(run(sys.argv[1:] if arguments is None else list(arguments)))
 
 
