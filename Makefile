@@ -45,6 +45,7 @@ lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
+	@MYPYPATH=tests $(BIN)/mypy --explicit-package-bases tests
 	@$(BIN)/lint-imports
 
 pictures: $(VENV)/.installed

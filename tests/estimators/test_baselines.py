@@ -13,7 +13,7 @@ from topoloc.geometry import compose, wrap
 from topoloc.testing import evidence_for, toy_map
 from topoloc.types import Evidence, Motion, Status, WeightedPoses
 
-TURN = Motion([0.3, 0.02, 0.2], np.diag([0.0013, 0.0013, 0.0008]))
+TURN = Motion(np.array([0.3, 0.02, 0.2]), np.diag([0.0013, 0.0013, 0.0008]))
 
 
 def started(estimator: BestMatch | DeadReckoning, prior: WeightedPoses | None = None) -> BestMatch | DeadReckoning:
@@ -84,7 +84,9 @@ def test_dead_reckoning_starts_at_the_first_match_and_looks_at_no_other() -> Non
 
 
 def test_dead_reckoning_starts_at_the_mean_of_its_prior() -> None:
-    prior = WeightedPoses([[0.0, 0.0, 3.0], [1.0, 0.0, -3.0]], np.log([0.25, 0.75]), [0.1, 0.1, 0.01])
+    prior = WeightedPoses(
+        np.array([[0.0, 0.0, 3.0], [1.0, 0.0, -3.0]]), np.log([0.25, 0.75]), np.array([0.1, 0.1, 0.01])
+    )
     expected = mean_and_covariance(prior.poses, prior.weights, prior.spread)
     belief = started(DeadReckoning(), prior).belief
     for value, want in zip(mean_and_covariance(belief.poses, belief.weights, belief.spread), expected, strict=True):

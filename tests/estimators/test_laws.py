@@ -38,10 +38,10 @@ EVIDENCES = {
     "heading to a hair": replace(GOOD, kappa=np.full(6, 1e6)),
 }
 MOTIONS = {
-    "calm": Motion([0.3, 0.0, 0.1], np.diag([1e-3, 1e-3, 1e-3])),
-    "exact": Motion([0.07, -0.02, 3.0], np.zeros((3, 3))),
+    "calm": Motion(np.array([0.3, 0.0, 0.1]), np.diag([1e-3, 1e-3, 1e-3])),
+    "exact": Motion(np.array([0.07, -0.02, 3.0]), np.zeros((3, 3))),
     "unknown": Motion(np.zeros(3), np.diag([0.09, 0.09, 0.25])),
-    "far": Motion([40.0, 0.0, 0.0], np.diag([1e-3, 1e-3, 1e-3])),
+    "far": Motion(np.array([40.0, 0.0, 0.0]), np.diag([1e-3, 1e-3, 1e-3])),
     "wild": Motion(np.zeros(3), np.diag([1e4, 1e4, 1e4])),
 }
 
@@ -118,7 +118,7 @@ def look_alikes(pose: np.ndarray) -> Evidence:
 def drive(estimator: Estimator) -> tuple[np.ndarray, np.ndarray]:
     """Node masses (10, K) and log evidence (10,) along ten motions."""
     estimator.reset(MAP, np.random.default_rng(11))
-    robot, motion = np.array([0.0, 0.0, 0.2]), Motion([0.25, 0.02, 0.2], np.diag([0.004, 0.004, 0.006]))
+    robot, motion = np.array([0.0, 0.0, 0.2]), Motion(np.array([0.25, 0.02, 0.2]), np.diag([0.004, 0.004, 0.006]))
     masses, log_evidence = [], []
     for _ in range(10):
         robot = compose(robot, motion.delta)
@@ -175,7 +175,7 @@ def belief_in_world(estimator: Estimator, angle: float, shift: tuple[float, floa
     for pose in [(0.2, 0.1, 0.4), (0.6, 0.3, 0.7), (1.0, 0.6, 1.0)]:
         evidence = evidence_for(MAP, pose)
         estimator.update(replace(evidence, poses=turned_poses(evidence.poses, angle, shift)))
-        estimator.predict(Motion([0.45, 0.03, 0.3], np.diag([0.003, 0.002, 0.004])))
+        estimator.predict(Motion(np.array([0.45, 0.03, 0.3]), np.diag([0.003, 0.002, 0.004])))
     return estimator.belief, the_map
 
 

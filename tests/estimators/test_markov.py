@@ -34,7 +34,7 @@ def moments(grid: MarkovGrid) -> tuple[np.ndarray, np.ndarray]:
 def test_many_small_motions_add_up(heading_deg: float) -> None:
     grid = grid_at((0.0, 0.0, np.deg2rad(heading_deg)))
     for _ in range(20):
-        grid.predict(Motion([0.1, 0.0, 0.0], EXACT))
+        grid.predict(Motion(np.array([0.1, 0.0, 0.0]), EXACT))
     mean, _ = moments(grid)
     assert np.linalg.norm(mean[:2] - rotate([2.0, 0.0], np.deg2rad(heading_deg))) < 0.1
 
@@ -42,7 +42,7 @@ def test_many_small_motions_add_up(heading_deg: float) -> None:
 def test_motion_without_noise_does_not_blur() -> None:
     grid = grid_at((0.125, 0.125, 0.0))  # the middle of a cell
     for _ in range(20):
-        grid.predict(Motion([0.09, 0.0, 0.31], EXACT))
+        grid.predict(Motion(np.array([0.09, 0.0, 0.31]), EXACT))
     pose = np.array([0.125, 0.125, 0.0])
     for _ in range(20):
         pose = compose(pose, [0.09, 0.0, 0.31])
@@ -53,7 +53,7 @@ def test_motion_without_noise_does_not_blur() -> None:
 def test_many_small_turns_add_up() -> None:
     grid = grid_at((0.0, 0.0, 0.0))
     for _ in range(20):
-        grid.predict(Motion([0.0, 0.0, 0.05], np.diag([0.0, 0.0, 0.01**2])))
+        grid.predict(Motion(np.array([0.0, 0.0, 0.05]), np.diag([0.0, 0.0, 0.01**2])))
     mean, covariance = moments(grid)
     assert abs(mean[2] - 1.0) < 0.05
     assert covariance[2, 2] == pytest.approx(20 * 0.01**2, rel=0.05)
@@ -78,7 +78,7 @@ def test_blur_turns_with_the_robot() -> None:
 
 def test_default_odometry_noise_gives_the_moments_of_a_simulation() -> None:
     # position and heading together: 15 steps of 0.2 m and 4 deg; both moments against 20,000 simulated drives
-    motion = Motion([0.2, 0.0, 0.07], np.diag([0.0008, 0.0008, 0.0004]))
+    motion = Motion(np.array([0.2, 0.0, 0.07]), np.diag([0.0008, 0.0008, 0.0004]))
     grid, rng = grid_at((-2.125, -1.125, 0.0)), np.random.default_rng(5)
     poses = np.tile([-2.125, -1.125, 0.0], (20_000, 1))
     for _ in range(15):
@@ -100,24 +100,24 @@ def test_enormous_noise_leaves_an_even_belief(variance: float) -> None:
 
 
 def test_mass_that_leaves_is_lost_and_the_rest_renormalised() -> None:
-    two = WeightedPoses([[0.125, 0.125, 0.0], [2.125, 0.125, 0.0]], np.log([0.3, 0.7]))
+    two = WeightedPoses(np.array([[0.125, 0.125, 0.0], [2.125, 0.125, 0.0]]), np.log([0.3, 0.7]))
     grid = MarkovGrid()
     grid.reset(toy_map(), np.random.default_rng(0), two)
-    grid.predict(Motion([1.5, 0.0, 0.0], EXACT))
+    grid.predict(Motion(np.array([1.5, 0.0, 0.0]), EXACT))
     np.testing.assert_allclose(grid.belief.poses, [[1.625, 0.125, 0.0]], atol=1e-9)
     assert grid.belief.weights.sum() == pytest.approx(1.0)
 
 
 def test_where_all_mass_has_left_the_robot_may_be_anywhere() -> None:
     grid, fresh = grid_at((0.0, 0.0, 0.0), toy_map()), MarkovGrid()
-    grid.predict(Motion([100.0, 0.0, 0.0], EXACT))
+    grid.predict(Motion(np.array([100.0, 0.0, 0.0]), EXACT))
     fresh.reset(toy_map(), np.random.default_rng(0))
     np.testing.assert_allclose(grid.belief.weights, fresh.belief.weights)
 
 
 def test_update_is_bayes_rule() -> None:
     grid = grid_at((0.3, 0.2, 0.4), toy_map())
-    grid.predict(Motion([0.1, 0.1, 0.1], np.diag([0.5, 0.5, 4.0])))
+    grid.predict(Motion(np.array([0.1, 0.1, 0.1]), np.diag([0.5, 0.5, 4.0])))
     before, evidence = grid.belief, evidence_for(toy_map(), (1.0, 0.0, 0.5))
     fresh = MarkovGrid()
     fresh.reset(toy_map(), np.random.default_rng(0))

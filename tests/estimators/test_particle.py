@@ -41,7 +41,9 @@ def test_covariance_root(covariance: np.ndarray) -> None:
 
 
 def test_poses_are_drawn_by_weight_and_spread() -> None:
-    two = WeightedPoses([[0.0, 0.0, 3.1], [5.0, 0.0, 0.0]], np.log([0.25, 0.75]), [0.04, 0.01, 0.09])
+    two = WeightedPoses(
+        np.array([[0.0, 0.0, 3.1], [5.0, 0.0, 0.0]]), np.log([0.25, 0.75]), np.array([0.04, 0.01, 0.09])
+    )
     drawn = sample_poses(two, 20_000, np.random.default_rng(2))
     first = drawn[drawn[:, 0] < 2.5]
     assert len(first) == 5000
@@ -106,9 +108,9 @@ def test_hypotheses_of_likelihood_zero_leave_the_floor() -> None:
 
 
 def test_particles_that_leave_the_free_area_have_no_weight() -> None:
-    two = WeightedPoses([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], np.log([0.3, 0.7]))
+    two = WeightedPoses(np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), np.log([0.3, 0.7]))
     particles = filter_on(two)
-    particles.predict(Motion([1.5, 0.0, 0.0], np.zeros((3, 3))))
+    particles.predict(Motion(np.array([1.5, 0.0, 0.0]), np.zeros((3, 3))))
     belief = particles.belief
     assert (belief.poses[belief.weights > 0.0, 0] < 2.0).all()
     assert belief.weights.sum() == pytest.approx(1.0)
@@ -117,16 +119,16 @@ def test_particles_that_leave_the_free_area_have_no_weight() -> None:
 def test_where_all_particles_have_left_they_are_kept() -> None:
     particles = filter_on()
     before = particles.belief.weights
-    particles.predict(Motion([100.0, 0.0, 0.0], np.zeros((3, 3))))
+    particles.predict(Motion(np.array([100.0, 0.0, 0.0]), np.zeros((3, 3))))
     np.testing.assert_allclose(particles.belief.weights, before)
 
 
 def test_dead_particles_make_room_first() -> None:
     # one particle in a thousand is inside: it must outlive the drawing of seats for recovered ones, whatever the seed
     for seed in range(20):
-        edge = WeightedPoses([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]], np.log([0.999, 0.001]))
+        edge = WeightedPoses(np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.log([0.999, 0.001]))
         particles = filter_on(edge, seed, ess_threshold=0.0, recovery=0.02)
-        particles.predict(Motion([1.5, 0.0, 0.0], np.zeros((3, 3))))
+        particles.predict(Motion(np.array([1.5, 0.0, 0.0]), np.zeros((3, 3))))
         assert particles.update(evidence_for(toy_map(), (0.0, 0.0, 0.0), log_floor=-4.0)) is not None
         survivors = particles.belief.poses[particles.belief.weights > 0.0]
         assert (np.abs(survivors - [1.5, 0.0, 0.0]).max(axis=1) < 1e-9).any()

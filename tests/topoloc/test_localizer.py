@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import weakref
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -105,7 +105,8 @@ def test_the_order_of_a_step(calls: list[str]) -> None:
     assert localizer.last is not None
     assert (localizer.last.kind, localizer.last.timestamp, localizer.last.problem) == ("update", 1.0, "")
     assert localizer.last.estimate is estimate
-    assert (estimate.node, localizer.last.match) == (1, pytest.approx(0.8))
+    assert estimate.node == 1
+    assert localizer.last.match == pytest.approx(0.8)
 
 
 class TestGate:
@@ -245,7 +246,7 @@ def test_seed_and_prior_reach_the_estimator(calls: list[str]) -> None:
 
 
 class TestLogEvidence:
-    def probability_after(self, log_evidences: list[float | None], rule: EstimateRule | None = None) -> float:
+    def probability_after(self, log_evidences: Sequence[float | None], rule: EstimateRule | None = None) -> float:
         class Ruled(FakeEstimator):
             estimate_rule = rule or EstimateRule()
 

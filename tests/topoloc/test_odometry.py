@@ -11,7 +11,9 @@ START, AHEAD = np.array([3.0, -1.0, 3.1]), np.zeros(3)
 
 
 def moved(distance: float, degrees: float, direction: float = 0.4) -> np.ndarray:
-    return START + np.array([distance * math.cos(direction), distance * math.sin(direction), math.radians(degrees)])
+    return np.asarray(
+        START + np.array([distance * math.cos(direction), distance * math.sin(direction), math.radians(degrees)])
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import is_dataclass
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, entry_points
 
 import pytest
 
@@ -82,7 +82,7 @@ class TestOutsiders:
     def test_a_broken_command_does_not_take_the_others_with_it(
         self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        known = plugins.entry_points(group=plugins.COMMANDS)
+        known = entry_points(group=plugins.COMMANDS)
         broken = EntryPoint("broken", "a_package_that_nobody_has:thing", plugins.COMMANDS)
         monkeypatch.setattr(plugins, "entry_points", lambda group: [*known, broken])
         assert run(["--version"]) == 0

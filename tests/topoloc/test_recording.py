@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from oracles.spoil import rewrite, write
+from oracles.spoil import Spoil, rewrite, write
 
 from topoloc.errors import InputError, UnreadableImage, UserError
 from topoloc.files import write_image
@@ -39,7 +39,8 @@ class TestRoundTrip:
         writer.close()
         recording = Recording.load(tmp_path / "r")
         assert (recording.kind, recording.camera, len(recording)) == ("rgb", CAMERA, 4)
-        assert recording.mount == Mount(0.1, -0.05, pytest.approx(math.degrees(0.4)))
+        assert (recording.mount.x, recording.mount.y) == (0.1, -0.05)
+        assert recording.mount.yaw_deg == pytest.approx(math.degrees(0.4))
         assert recording.truth is not None and recording.pan is None
         for frame, true, read in zip(frames, truth, recording, strict=True):
             assert read.timestamp == pytest.approx(frame.timestamp, abs=1e-6)
@@ -206,7 +207,7 @@ class TestByHand:
                 recording.on(replace(CAMERA, hfov_deg=hfov))
 
 
-BAD = {
+BAD: dict[str, tuple[Spoil, str]] = {
     "rgb.txt missing": (lambda folder: (folder / "rgb.txt").unlink(), r"rec: holds neither rgb\.txt nor omni\.txt"),
     "rgb.txt empty": (write("rgb.txt", ""), r"rgb\.txt: lists no pictures"),
     "only comments": (write("rgb.txt", "# timestamp path\n"), r"rgb\.txt: lists no pictures"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -206,7 +207,8 @@ class Changed(SoundSensor):
         evidence = super().observe(frame)
         if evidence.is_blind:
             return evidence
-        return replace(evidence, **{self.field: np.full(len(evidence.poses), self.value)})
+        spoilt: dict[str, Any] = {self.field: np.full(len(evidence.poses), self.value)}
+        return replace(evidence, **spoilt)
 
 
 class MatchAboveOne(Changed):

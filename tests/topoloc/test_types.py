@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import FrozenInstanceError, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -127,7 +128,9 @@ class TestLogLikelihood:
         assert got.shape == (3, 4)
         for p in range(3):
             for h in range(4):
-                assert got[p, h] == pytest.approx(literal(evidence, *place[p], heading[p, h]), rel=1e-9, abs=1e-9)
+                assert got[p, h] == pytest.approx(
+                    literal(evidence, place[p, 0], place[p, 1], heading[p, h]), rel=1e-9, abs=1e-9
+                )
 
     def test_headings_shared_by_all_positions_equal_the_same_for_each(self) -> None:
         evidence, place = evidence_of(), np.random.default_rng(1).uniform(-2, 2, (5, 2))
@@ -205,7 +208,7 @@ class TestLogLikelihood:
 
     def test_splitting_a_hypothesis_in_two_halves_changes_nothing(self) -> None:
         evidence = evidence_of(2)
-        twice = {name: np.repeat(getattr(evidence, name), 2, axis=0) for name in NAMES}
+        twice: dict[str, Any] = {name: np.repeat(getattr(evidence, name), 2, axis=0) for name in NAMES}
         twice["log_likelihoods"] = twice["log_likelihoods"] - math.log(2.0)
         split = replace(evidence, **twice)
         place, heading = np.random.default_rng(2).uniform(-2, 2, (6, 2)), np.linspace(-3, 3, 5)[None]
@@ -338,6 +341,6 @@ class TestEvidence:
             ("log_floor", np.inf),
         ],
     )
-    def test_refuses(self, name: str, value: object) -> None:
+    def test_refuses(self, name: str, value: Any) -> None:
         with pytest.raises(ValueError, match=r"finite|infinity|positive|negative"):
             replace(evidence_of(), **{name: value})
