@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help bench bench-quick test test-slow lint pictures constraints clean
+.PHONY: help bench bench-quick test test-slow lint pictures realism constraints clean
 
 help:
 	@echo "make bench        set up, then compare sensors and estimators in the simulated laboratory (about a minute)"
@@ -15,7 +15,8 @@ help:
 	@echo "make test         set up, then run the tests"
 	@echo "make test-slow    the tests that take longer"
 	@echo "make lint         ruff, mypy and the import contract"
-	@echo "make pictures     draw the pictures of the README again"
+	@echo "make pictures     draw the pictures of the README and of docs/worlds.md again"
+	@echo "make realism      measure how hard the laboratory is, and write the table of docs/worlds.md (some minutes)"
 	@echo "make constraints  write constraints.txt anew from the newest versions"
 
 $(VENV)/.installed: pyproject.toml constraints.txt
@@ -50,6 +51,10 @@ lint: $(VENV)/.installed-dev
 
 pictures: $(VENV)/.installed
 	@$(BIN)/python -m benchmarks.pictures
+	@$(BIN)/python -m benchmarks.world_pictures
+
+realism: $(VENV)/.installed
+	@$(BIN)/python -m benchmarks.realism --write
 
 constraints:
 	@rm -rf $(VENV)-newest && $(PYTHON) -m venv $(VENV)-newest

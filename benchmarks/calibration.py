@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from benchmarks.worlds.simulate import LabSettings, Simulation, simulate
+from benchmarks.worlds import LabWorld, Simulation, WorldSettings
 from topoloc import plugins
 from topoloc.estimate import EstimateRule, node_masses, sureness
 from topoloc.geometry import Floats, wrap
@@ -27,10 +27,10 @@ SEEDS = (1000, 1001, 1002, 1003)
 NEAR_M, NEAR_DEG = 0.5, 25.0
 """A hypothesis is right within this distance of the truth [m]; its heading is, within this turn [degrees]."""
 WORLDS = (
-    LabSettings(laps=2.0),
-    LabSettings(laps=2.0, people=0.35),
-    LabSettings(laps=2.0, age=1.0),
-    LabSettings(laps=2.0, kidnap_at=24),
+    WorldSettings(laps=2.0),
+    WorldSettings(laps=2.0, people=0.35),
+    WorldSettings(laps=2.0, age=1.0),
+    WorldSettings(laps=2.0, kidnap_at=24),
 )
 
 
@@ -52,9 +52,9 @@ class Drive:
     evidence: dict[float, Evidence]
 
 
-def _watched(name: str, world: LabSettings, seed: int) -> tuple[Drive, float]:
+def _watched(name: str, world: WorldSettings, seed: int) -> tuple[Drive, float]:
     """A drive with what a sensor saw, and the sensor's own zero of the match."""
-    drive = simulate(world, seed)
+    drive = LabWorld(world).simulate(seed)
     sensor = plugins.make(plugins.SENSORS, name)
     sensor.fit(drive.topo_map)
     return Drive(drive, {frame.timestamp: sensor.observe(frame) for frame in drive.frames}), sensor.base_match

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from benchmarks.worlds.simulate import LabSettings, Simulation, simulate
+from benchmarks.worlds import LabWorld, Simulation, WorldSettings
 from sensors.ima import IMA
 from topoloc.files import write_bytes
 from topoloc.geometry import Floats, wrap
@@ -25,7 +25,7 @@ SEED, UPDATES, SHOWN = 0, 49, 27
 
 def first_run() -> Figure:
     """A frame, the panorama of the node it was matched to with the matched columns, and the plan of the drive."""
-    drive = simulate(LabSettings(updates=UPDATES), SEED)
+    drive = LabWorld(WorldSettings(updates=UPDATES)).simulate(SEED)
     sensor = IMA()
     localizer = Localizer(drive.topo_map, sensor, make_estimator("particle"), rng=SEED)
     steps = []

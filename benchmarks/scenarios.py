@@ -12,7 +12,7 @@ from topoloc.topo_map import TopoMap
 from topoloc.types import Frame
 
 if TYPE_CHECKING:
-    from benchmarks.worlds import LabSettings
+    from benchmarks.worlds import WorldSettings
 
 
 @dataclass(frozen=True)
@@ -56,9 +56,9 @@ class Scenario:
 
 def default_scenarios(updates: int = 60) -> tuple[Scenario, ...]:
     """The benchmark's own scenarios, all in the simulated laboratory, ``updates`` frames each."""
-    from benchmarks.worlds import LabSettings  # here: the renderer need not load for --help
+    from benchmarks.worlds import WorldSettings  # here: the renderer need not load for --help
 
-    fresh = LabSettings(updates=updates)
+    fresh = WorldSettings(updates=updates)
     return (
         _laboratory("lab-fresh", "The laboratory as it was when its map was made.", fresh),
         _laboratory("lab-people", "People stand before the camera in 35 % of the frames.", replace(fresh, people=0.35)),
@@ -68,13 +68,13 @@ def default_scenarios(updates: int = 60) -> tuple[Scenario, ...]:
     )
 
 
-def _laboratory(name: str, description: str, settings: LabSettings) -> Scenario:
+def _laboratory(name: str, description: str, settings: WorldSettings) -> Scenario:
     return Scenario(name, description, partial(_simulated, settings), asdict(settings))
 
 
-def _simulated(settings: LabSettings, seed: int) -> Case:
-    from benchmarks.worlds import simulate
+def _simulated(settings: WorldSettings, seed: int) -> Case:
+    from benchmarks.worlds import LabWorld
 
-    drive = simulate(settings, seed)
+    drive = LabWorld(settings).simulate(seed)
     kidnapped_at = (settings.kidnap_at,) if settings.kidnap_at >= 0 else ()
     return Case(drive.topo_map, drive.frames, drive.truth, kidnapped_at)

@@ -23,6 +23,7 @@ from topoloc.geometry import compose, wrap
 from topoloc.metrics import METRICS
 from topoloc.recording import Recording
 from topoloc.recording_folder import RecordingWriter
+from topoloc.settings import Setting
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Frame, Image, Status
 
@@ -402,6 +403,7 @@ BAD_COMMANDS: dict[str, tuple[list[str], str]] = {
     "check a file": (["check", "{0}/map/map.toml"], r"map\.toml"),
     "check neither": (["check", "{0}"], r"neither a map nor a recording"),
     "list something else": (["list", "cameras"], r"cameras.*sensors"),
+    "list an unknown sensor": (["list", "sensors", "imma"], r"no sensor is called 'imma'.*histogram, ima"),
     "unknown world": (["simulate", "moon", "-o", "{0}/run"], r"no world is called 'moon'.*lab"),
     "unknown setting": (["simulate", "lab", "-o", "{0}/run", "--set", "lap=1"], r"'lap'.*laps"),
     "unknown nested setting": (["simulate", "lab", "-o", "{0}/run", "--set", "drift.x=1"], r"'x'"),
@@ -498,7 +500,43 @@ class TestList:
         out = capsys.readouterr().out
         for title in ("sensors", "estimators", "worlds", "panoramas", "commands"):
             assert re.search(rf"^\s*{title}\s*$", out, re.MULTILINE)
-        assert "slots=8" in re.sub(r"[\s│]+", "", out) and "best-match" in out
+        assert re.search(r"^ slots +│ 8 +│ column regions N_s", out, re.MULTILINE) and "best-match" in out
+        assert max(map(len, out.splitlines())) <= 80 and "\x1b" not in out
+
+    def test_one_thing(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run(["list", "estimators", "grid"]) == 0
+        out = capsys.readouterr().out
+        assert re.search(r"^grid: The belief", out, re.MULTILINE) and "particle" not in out
+        assert re.search(r"^ resolution_m +│ 0\.25 +│ side of a cell \[m\]\.", out, re.MULTILINE)
+        assert run(["list", "commands", "check"]) == 0
+        assert "localize" not in capsys.readouterr().out
+
+    def test_what_all_of_a_kind_share_is_told_once(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        monkeypatch.setattr(plugins, "names", lambda group: ["one", "two", "three"])
+        monkeypatch.setattr(plugins, "load", lambda group, name: object)
+        common = [Setting(f"common{i}", "1", f"text {i} [m].") for i in range(7)]
+        mine = Setting("mine", "true", "of its own.")
+        kinds = iter([[*common], [Setting("common0", "2", "text 0 [m]."), *common[1:]], [*common, mine]])
+        monkeypatch.setattr(plugins, "settings_of", lambda thing: next(kinds))
+        assert run(["list", "worlds"]) == 0
+        out = capsys.readouterr().out
+        one, two, three, shared = re.split(r"^(?:two:|three:|settings of every world)", out, flags=re.MULTILINE)
+        assert "no settings of its own" in one and "common" not in one
+        assert re.findall(r"^ (\w+) +│ (\S+)", two, re.MULTILINE) == [("common0", "2")]
+        assert re.findall(r"^ (\w+) +│", three, re.MULTILINE) == ["mine"]
+        assert re.findall(r"^ (\w+) +│ 1 ", shared, re.MULTILINE) == [setting.name for setting in common]
+
+    def test_a_few_settings_in_common_stay_where_they_are(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        monkeypatch.setattr(plugins, "names", lambda group: ["one", "two"])
+        monkeypatch.setattr(plugins, "load", lambda group, name: object)
+        monkeypatch.setattr(plugins, "settings_of", lambda thing: [Setting("a", "1", "it."), Setting("b", "2", "it.")])
+        assert run(["list", "worlds"]) == 0
+        out = capsys.readouterr().out
+        assert "every world" not in out and len(re.findall(r"^ a +│ 1 ", out, re.MULTILINE)) == 2
 
 
 class TestInAProcessOfItsOwn:

@@ -7,8 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.worlds import LabSettings, Simulation, simulate
+from benchmarks.worlds import LabWorld, Simulation, WorldSettings
 from topoloc import plugins
+from topoloc.estimate import node_masses
 from topoloc.localizer import Localizer
 from topoloc.metrics import Run, evaluate
 from topoloc.testing import check_estimator, check_headings, check_sensor
@@ -20,7 +21,7 @@ UPDATES = 25
 
 @cache
 def drive() -> Simulation:
-    return simulate(LabSettings(updates=UPDATES, covered=(8,)), seed=5)
+    return LabWorld(WorldSettings(updates=UPDATES, covered=(8,))).simulate(seed=5)
 
 
 class Remembering:
@@ -93,13 +94,19 @@ def test_the_same_seed_gives_the_same_run() -> None:
 
 
 def test_grid_and_particles_say_the_same_of_a_real_sensor() -> None:
-    """Two ways to hold one posterior: the same leading node in nine steps of ten."""
-    nodes = []
+    """Two ways to hold one posterior: wherever both are sure they name the same node, and mostly they are."""
+    nodes, sure = [], []
     for name in ("grid", "particle"):
         localizer = Localizer(drive().topo_map, shared("ima"), plugins.make_estimator(name), rng=2)
-        nodes.append([localizer.step(frame).node for frame in drive().frames])
-    same = [a == b for a, b in zip(nodes[0], nodes[1], strict=True)]
-    assert np.mean(same) >= 0.9
+        named, certain = [], []
+        for frame in drive().frames:
+            named.append(localizer.step(frame).node)
+            certain.append(node_masses(localizer.estimator.belief, drive().topo_map).max() > 0.8)
+        nodes.append(named)
+        sure.append(certain)
+    both = np.array(sure[0]) & np.array(sure[1])
+    assert both.mean() > 0.5
+    assert (np.array(nodes[0])[both] == np.array(nodes[1])[both]).all()
 
 
 @pytest.mark.parametrize("name", SENSORS)

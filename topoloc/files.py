@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from topoloc.errors import InputError, OutputExists, UnreadableImage, UserError
-from topoloc.types import Image
+from topoloc.types import Depth, Image, Pixels
 
 
 @contextmanager
@@ -136,6 +136,28 @@ def read_image(path: Path) -> Image:
     Raises:
         UnreadableImage: the file is missing or does not decode.
     """
+    levels = _decoded(path)
+    if levels.ndim == 2:  # 16 bits a pixel: the upper eight of them
+        grey = (levels >> 8).clip(0, 255).astype(np.uint8)
+        return np.repeat(grey[:, :, None], 3, axis=2)
+    return levels.astype(np.uint8, copy=False)
+
+
+def read_depth(path: Path) -> Depth:
+    """A depth picture, 16-bit grey, as uint16 (rows, cols), every bit as it stands in the file.
+
+    Raises:
+        UnreadableImage: the file is missing or does not decode.
+        InputError: it decodes, but is no grey picture of 16 bits.
+    """
+    levels = _decoded(path)
+    if levels.ndim != 2 or levels.min(initial=0) < 0 or levels.max(initial=0) > np.iinfo(np.uint16).max:
+        raise InputError(path, "is no grey picture of 16 bits", "save depth as 16-bit PNG, 5000 units a metre")
+    return levels.astype(np.uint16)
+
+
+def _decoded(path: Path) -> Pixels:
+    """The pixels of an image file, upright: RGB (rows, cols, 3) uint8; grey of more than 8 bits (rows, cols) int64."""
     from PIL import Image as Pictures  # here, because importing topoloc loads numpy and scipy only
     from PIL import ImageOps
 
@@ -146,18 +168,22 @@ def read_image(path: Path) -> Image:
     try:
         with Pictures.open(io.BytesIO(data)) as picture:
             upright = ImageOps.exif_transpose(picture)
-            if upright.mode.startswith("I"):  # 16 bits a pixel: the upper eight of them
-                grey = (np.asarray(upright).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8)
-                return np.repeat(grey[:, :, None], 3, axis=2)
+            if upright.mode.startswith("I"):
+                return np.asarray(upright).astype(np.int64)
             return np.asarray(upright.convert("RGB"), dtype=np.uint8)
     except (OSError, ValueError, SyntaxError, Pictures.DecompressionBombError):
         raise UnreadableImage(path, "does not decode as an image", "save it again as PNG or JPEG") from None
 
 
-def write_image(path: Path, image: Image) -> None:
-    """Write an image, grey (rows, cols) or RGB (rows, cols, 3), whole, in the format of the file's ending."""
+def write_image(path: Path, image: Image | Depth) -> None:
+    """Write an image, grey (rows, cols) or RGB (rows, cols, 3), whole, in the format of the file's ending.
+
+    A uint16 one, as depth is, keeps its 16 bits; that takes a PNG.
+    """
     import cv2
 
+    if image.dtype == np.uint16 and path.suffix.lower() != ".png":  # others would drop eight of them without a word
+        raise UserError(f"{path}: a picture of 16 bits keeps them only as PNG; end the name in .png")
     pixels = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
     try:
         done, data = cv2.imencode(path.suffix, pixels)

@@ -15,7 +15,7 @@ import numpy as np
 from topoloc.errors import InputError
 from topoloc.files import new_folder, read_image, read_text, write_csv, write_image, write_text
 from topoloc.geometry import Floats, wrap
-from topoloc.settings import build, convert, read_toml, refuse_unknown
+from topoloc.settings import build, convert, optional_length, read_toml, refuse_unknown
 from topoloc.topo_map import Camera, Node, TopoMap, View
 from topoloc.types import Image, Ints
 
@@ -23,6 +23,7 @@ MAP_FILE, NODES_FILE, EDGES_FILE, VIEWS_FILE = "map.toml", "nodes.csv", "edges.c
 NODE_COLUMNS = ("id", "name", "x", "y", "heading", "panorama")
 EDGE_COLUMNS = ("a", "b")
 VIEW_COLUMNS = ("x", "y", "heading", "image")
+RIGHT_COLUMN = "right"
 FARTHEST_M = 1e6
 """A node farther from the origin than this is a mistake in its units [m]."""
 
@@ -37,7 +38,7 @@ def load_map(folder: Path) -> TopoMap:
         raise InputError(folder, "no such folder", "name the folder that holds map.toml and nodes.csv")
     path = folder / MAP_FILE
     table = read_toml(path, "a map folder needs it; see 'topoloc simulate lab' for an example")
-    refuse_unknown(table, {"name", "camera", "free", "panoramas_filtered"}, path)
+    refuse_unknown(table, {"name", "camera", "free", "panoramas_filtered", "baseline_m"}, path)
     camera = build(Camera, table.get("camera", {}), f"{path} [camera]")
     nodes = _read_nodes(folder, camera)
     return TopoMap(
@@ -48,6 +49,7 @@ def load_map(folder: Path) -> TopoMap:
         free=_read_free(table.get("free", []), path),
         views=_read_views(folder, camera),
         filtered=convert(table.get("panoramas_filtered", False), bool, f"{path}: panoramas_filtered"),
+        baseline_m=optional_length(table, "baseline_m", path),
     )
 
 
@@ -123,10 +125,10 @@ def _picture(image_path: Path, path: Path, line: int) -> Image:
 
 
 def _check_panorama(panorama: Image, camera: Camera, path: Path, line: int) -> None:
-    """A panorama holds 360 / hfov frames side by side at the scale of its own height, to 2 %."""
-    rows, columns = panorama.shape[:2]
-    expected = camera.panorama_columns() * rows / camera.height
-    if abs(columns - expected) > 0.02 * expected:
+    """A panorama holds 360 / hfov frames side by side at the scale of its own height."""
+    if not camera.fits_panorama(panorama):
+        rows, columns = panorama.shape[:2]
+        expected = camera.panorama_columns() * rows / camera.height
         raise InputError(
             path,
             f"the panorama has {columns} columns by {rows} rows, but a camera of {camera.width}x{camera.height} pixels"
@@ -169,13 +171,21 @@ def _read_views(folder: Path, camera: Camera) -> tuple[View, ...]:
     views = []
     for line, row in rows_of(path, VIEW_COLUMNS, "restore it"):
         x, y, heading = (number(row[key], key, path, line) for key in ("x", "y", "heading"))
-        image = _picture(folder / row["image"], path, line)
-        if not camera.fits(image):
-            rows, columns = image.shape[:2]
-            problem = f"{row['image']} is {columns}x{rows}, but map.toml says {camera.width}x{camera.height}"
-            raise InputError(path, problem, "use images of one aspect ratio, or correct [camera]", line=line)
-        views.append(View(np.array([x, y, float(wrap(np.deg2rad(heading)))]), image))
+        image = _view_picture(folder / row["image"], camera, path, line)
+        other = row.get(RIGHT_COLUMN)
+        right = _view_picture(folder / other, camera, path, line) if other else None
+        views.append(View(np.array([x, y, float(wrap(np.deg2rad(heading)))]), image, right))
     return tuple(views)
+
+
+def _view_picture(image_path: Path, camera: Camera, path: Path, line: int) -> Image:
+    """A picture of a view, which has the aspect ratio of the map's camera."""
+    image = _picture(image_path, path, line)
+    if not camera.fits(image):
+        rows, columns = image.shape[:2]
+        problem = f"{image_path.name} is {columns}x{rows}, but map.toml says {camera.width}x{camera.height}"
+        raise InputError(path, problem, "use images of one aspect ratio, or correct [camera]", line=line)
+    return image
 
 
 def save_map(topo_map: TopoMap, folder: Path, overwrite: bool = False) -> None:
@@ -194,6 +204,8 @@ def save_map(topo_map: TopoMap, folder: Path, overwrite: bool = False) -> None:
             "panoramas_filtered": topo_map.filtered,
             "camera": {"hfov_deg": camera.hfov_deg, "width": camera.width, "height": camera.height},
         }
+        if topo_map.baseline_m is not None:
+            table["baseline_m"] = topo_map.baseline_m
         write_text(target / MAP_FILE, tomli_w.dumps(table))
         rows = []
         for node, stem in zip(topo_map.nodes, _file_stems(topo_map), strict=True):
@@ -206,8 +218,7 @@ def save_map(topo_map: TopoMap, folder: Path, overwrite: bool = False) -> None:
         pairs = [(topo_map.nodes[a].id, topo_map.nodes[b].id) for a, b in np.asarray(topo_map.edges)]
         write_csv(target / EDGES_FILE, EDGE_COLUMNS, pairs)
         if topo_map.views:
-            views = [_view_row(view, i, target) for i, view in enumerate(topo_map.views)]
-            write_csv(target / VIEWS_FILE, VIEW_COLUMNS, views)
+            _save_views(topo_map.views, target)
 
 
 def _file_stems(topo_map: TopoMap) -> list[str]:
@@ -218,11 +229,23 @@ def _file_stems(topo_map: TopoMap) -> list[str]:
     return [name if plain.fullmatch(name) and lower.count(name.lower()) == 1 else f"_{i}" for i, name in enumerate(ids)]
 
 
-def _view_row(view: View, i: int, target: Path) -> tuple[str, str, str, str]:
+def _save_views(views: Sequence[View], target: Path) -> None:
+    """Write ``views.csv`` and its pictures; the column ``right`` only where there is a stereo pair."""
+    rows = [_view_row(view, i, target) for i, view in enumerate(views)]
+    if any(view.right is not None for view in views):
+        write_csv(target / VIEWS_FILE, (*VIEW_COLUMNS, RIGHT_COLUMN), rows)
+    else:
+        write_csv(target / VIEWS_FILE, VIEW_COLUMNS, [row[: len(VIEW_COLUMNS)] for row in rows])
+
+
+def _view_row(view: View, i: int, target: Path) -> tuple[str, ...]:
     name = f"views/{i:05d}.png"
     write_image(target / name, view.image)
+    right = "" if view.right is None else f"views/{i:05d}_right.png"
+    if view.right is not None:
+        write_image(target / right, view.right)
     x, y, heading = view.pose
-    return repr(float(x)), repr(float(y)), _degrees(heading), name
+    return repr(float(x)), repr(float(y)), _degrees(heading), name, right
 
 
 def _degrees(angle: float) -> str:

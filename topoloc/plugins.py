@@ -9,7 +9,7 @@ from typing import Any
 
 from topoloc.errors import UnknownName, UserError
 from topoloc.interfaces import Estimator, Sensor
-from topoloc.settings import build, refuse_unknown
+from topoloc.settings import Setting, build, explained, refuse_unknown
 
 SENSORS, ESTIMATORS = "topoloc.sensors", "topoloc.estimators"
 WORLDS, PANORAMAS, COMMANDS = "topoloc.worlds", "topoloc.panoramas", "topoloc.commands"
@@ -74,3 +74,8 @@ def options(thing: Any) -> dict[str, Any]:
     for item in fields(config):
         defaults[item.name] = item.default_factory() if item.default_factory is not MISSING else item.default
     return defaults
+
+
+def settings_of(thing: Any) -> list[Setting]:
+    """Each setting of a class as ``options`` finds them, with what it is; those of nested tables by dotted names."""
+    return list(explained(thing.Config, options(thing))) if options(thing) else []

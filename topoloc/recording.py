@@ -3,32 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from topoloc.errors import InputError
-from topoloc.files import read_image, read_text, write_text
+from topoloc.files import read_depth, read_image, read_text, write_text
 from topoloc.geometry import Floats, wrap
-from topoloc.settings import build, read_toml, refuse_unknown
+from topoloc.settings import build, convert, optional_length, read_toml, refuse_unknown
 from topoloc.topo_map import Camera
-from topoloc.types import Frame, Image
+from topoloc.types import Frame, Image, Pixels
 
 KINDS = ("rgb", "omni", "right", "depth")
 MAX_OFFSET_S = 0.05
 """Pictures of different kinds belong to one frame when their times differ by at most this [s]."""
 
 
-class LazyImages(Mapping[str, Image]):
+class LazyImages(Mapping[str, Pixels]):
     """Images by kind that are read, once, when they are asked for."""
 
-    def __init__(self, readers: Mapping[str, Callable[[], Image]]) -> None:
+    def __init__(self, readers: Mapping[str, Callable[[], Pixels]]) -> None:
         self._readers = dict(readers)
-        self._images: dict[str, Image] = {}
+        self._images: dict[str, Pixels] = {}
 
-    def __getitem__(self, kind: str) -> Image:
+    def __getitem__(self, kind: str) -> Pixels:
         if kind not in self._images:
             self._images[kind] = self._readers[kind]()
         return self._images[kind]
@@ -87,11 +87,15 @@ class Recording:
         folder: where it lies.
         kind: of its main pictures, ``rgb`` or ``omni``.
         pictures: by kind; the first entry of each frame is the main kind's.
-        camera: of the main pictures, or None where ``camera.toml`` is missing.
+        camera: of the main pictures, or None where ``camera.toml`` does not tell.
         mount: pose of the camera on the robot without pan.
+        baseline_m: distance of the right camera from the main one, to its right [m], or None where it is not told.
+        panorama: the ``omni`` pictures are unwrapped: a full circle, columns clockwise and linear in angle; the left
+            edge of the first column looks along the camera's heading.
         odometry, truth: raw odometer and ground truth, where recorded.
         pan: times and angles of the pan head, as a track whose heading is the pan.
-        expected: camera whose aspect ratio the ``rgb`` pictures must have; None: any.
+        expected: camera whose aspect ratio the ``rgb`` and ``right`` pictures must have, and whose panoramas'
+            unwrapped ``omni`` pictures; None: any.
     """
 
     folder: Path
@@ -99,6 +103,8 @@ class Recording:
     pictures: Mapping[str, Sequence[Picture]]
     camera: Camera | None = None
     mount: Mount = field(default_factory=Mount)
+    baseline_m: float | None = None
+    panorama: bool = False
     odometry: Track | None = None
     truth: Track | None = None
     pan: Track | None = None
@@ -121,13 +127,15 @@ class Recording:
         pictures = {kind: _read_list(path / f"{kind}.txt") for kind in present}
         if not pictures[main]:
             raise InputError(path / f"{main}.txt", "lists no pictures", "add a line 'timestamp path' for each")
-        camera, mount = _read_camera(path / "camera.toml")
+        rig = _read_rig(path / "camera.toml")
         return cls(
             folder=path,
             kind=main,
             pictures=pictures,
-            camera=camera,
-            mount=mount,
+            camera=rig.camera,
+            mount=rig.mount,
+            baseline_m=rig.baseline_m,
+            panorama=rig.panorama,
             odometry=_read_track(path / "odometry.txt"),
             truth=_read_track(path / "groundtruth.txt"),
             pan=_read_pan(path / "pan.txt"),
@@ -174,21 +182,32 @@ class Recording:
         kinds = [kind for kind in self.pictures if kind != self.kind]
         return {kind: np.array([picture.time for picture in self.pictures[kind]]) for kind in kinds}
 
-    def _reader(self, picture: Picture, kind: str) -> Callable[[], Image]:
-        def read() -> Image:
+    def _reader(self, picture: Picture, kind: str) -> Callable[[], Pixels]:
+        def read() -> Pixels:
+            if kind == "depth":
+                return read_depth(picture.path)
             image = read_image(picture.path)
-            if kind == "rgb" and self.expected is not None and not self.expected.fits(image):
-                rows, columns = image.shape[:2]
-                problem = f"{picture.path.name} is {columns}x{rows}, but the map's camera has"
-                raise InputError(
-                    self.folder / f"{kind}.txt",
-                    f"{problem} {self.expected.width}x{self.expected.height}, another aspect ratio",
-                    "crop the pictures, or correct [camera] in the map's map.toml",
-                    line=picture.line,
-                )
+            if self.expected is not None:
+                self._refuse_misfit(image, picture, kind, self.expected)
             return image
 
         return read
+
+    def _refuse_misfit(self, image: Image, picture: Picture, kind: str, camera: Camera) -> None:
+        """Raise ``InputError`` for a picture of another aspect ratio than a camera's frames or panoramas."""
+        if kind in ("rgb", "right") and not camera.fits(image):
+            wanted = f"the map's camera has {camera.width}x{camera.height}"
+        elif kind == "omni" and self.panorama and not camera.fits_panorama(image):
+            wanted = f"a panorama of the map's camera has {camera.panorama_columns()}x{camera.height}"
+        else:
+            return
+        rows, columns = image.shape[:2]
+        raise InputError(
+            self.folder / f"{kind}.txt",
+            f"{picture.path.name} is {columns}x{rows}, but {wanted}, another aspect ratio",
+            "crop the pictures, or correct [camera] in the map's map.toml",
+            line=picture.line,
+        )
 
 
 def write_track(path: Path, times: Sequence[float], poses: Floats) -> None:
@@ -284,10 +303,26 @@ def _read_pan(path: Path) -> Track | None:
     return Track(table[:, 0], np.column_stack([np.zeros((len(table), 2)), np.deg2rad(table[:, 1])]))
 
 
-def _read_camera(path: Path) -> tuple[Camera | None, Mount]:
+@dataclass(frozen=True)
+class _Rig:
+    """What ``camera.toml`` tells; the fields are those of ``Recording``."""
+
+    camera: Camera | None = None
+    mount: Mount = field(default_factory=Mount)
+    baseline_m: float | None = None
+    panorama: bool = False
+
+
+def _read_rig(path: Path) -> _Rig:
     if not path.exists():
-        return None, Mount()
+        return _Rig()
     table = read_toml(path, "restore it")
-    mount = build(Mount, table.pop("mount", {}), f"{path} [mount]")
-    refuse_unknown(table, {"hfov_deg", "width", "height", "mount"}, path)
-    return build(Camera, table, path), mount
+    lens = {item.name for item in fields(Camera)}
+    refuse_unknown(table, lens | {item.name for item in fields(_Rig)} - {"camera"}, path)
+    of_lens = {key: table[key] for key in lens & set(table)}
+    return _Rig(
+        camera=build(Camera, of_lens, path) if of_lens else None,
+        mount=build(Mount, table.get("mount", {}), f"{path} [mount]"),
+        baseline_m=optional_length(table, "baseline_m", path),
+        panorama=convert(table.get("panorama", False), bool, f"{path}: panorama"),
+    )

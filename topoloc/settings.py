@@ -1,13 +1,16 @@
-"""Settings are frozen dataclasses; this builds them from TOML tables and ``key=value`` words, refusing unknown keys."""
+"""Settings are frozen dataclasses: built from TOML tables and ``key=value`` words, explained from their docstrings."""
 
 from __future__ import annotations
 
+import inspect
 import math
+import re
 import tomllib
-from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from textwrap import dedent
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from topoloc.errors import InputError, UserError
 from topoloc.files import read_text
@@ -70,12 +73,24 @@ def convert(value: Any, kind: Any, where: str) -> Any:
         return kind(number)
     if kind is str and not isinstance(value, str):
         raise UserError(f"{where} is {value!r}; write a text in quotes")
+    if get_origin(kind) is Literal and value not in get_args(kind):
+        raise UserError(f"{where} is {value!r}; choose from: {', '.join(map(str, get_args(kind)))}")
     if get_origin(kind) is tuple:
         items = [word for word in value.split(",") if word] if isinstance(value, str) else value
         if not isinstance(items, list | tuple):
             raise UserError(f"{where} is {value!r}; write a list")
         return tuple(convert(item, get_args(kind)[0], where) for item in items)
     return value
+
+
+def optional_length(table: Mapping[str, Any], key: str, where: Path | str) -> float | None:
+    """A length above 0 [m] from a table, or None where it has no such key."""
+    if key not in table:
+        return None
+    length: float = convert(table[key], float, f"{where}: {key}")
+    if length <= 0.0:
+        raise UserError(f"{where}: {key} is {length:g}; write a length above 0, in metres")
+    return length
 
 
 def parse_words(words: Sequence[str]) -> dict[str, Any]:
@@ -93,3 +108,67 @@ def parse_words(words: Sequence[str]) -> dict[str, Any]:
                 raise UserError(f"{word!r}: {name!r} was given a value of its own already; give it once")
         inner[last] = value
     return table
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One setting as a user reads it.
+
+    Attributes:
+        name: as ``key=value`` words take it: ``effects.noise_grey`` is a key of the table ``effects``.
+        default: as such a word would give it; ``none`` where it would be empty.
+        text: what it is; empty where nobody said so.
+    """
+
+    name: str
+    default: str
+    text: str
+
+
+def explained(cls: type, values: Mapping[str, Any], prefix: str = "") -> Iterator[Setting]:
+    """The settings of a dataclass, those of the dataclasses in it among them.
+
+    Args:
+        cls: the dataclass.
+        values: by field: its default.
+        prefix: goes before each name.
+    """
+    texts = described(cls)
+    for name, value in values.items():
+        if is_dataclass(value) and not isinstance(value, type):
+            inner = {item.name: getattr(value, item.name) for item in fields(value)}
+            yield from explained(type(value), inner, f"{prefix}{name}.")
+        else:
+            yield Setting(f"{prefix}{name}", _as_word(value), texts.get(name, ""))
+
+
+def _as_word(value: Any) -> str:
+    """A value as it is written after ``key=``; a float to six digits."""
+    if value is None or value in ((), ""):
+        return "none"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:g}" if math.isfinite(value) else str(value).replace("inf", "infinite")
+    return ",".join(map(_as_word, value)) if isinstance(value, tuple) else str(value)
+
+
+def described(cls: type) -> dict[str, str]:
+    """What each field of a dataclass is, by name: from the ``Attributes:`` of its docstring and its bases'.
+
+    A field that no docstring has an entry for is left out.
+    """
+    texts: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        texts |= _entries(inspect.getdoc(base) or "")
+    return {item.name: texts[item.name] for item in fields(cls) if item.name in texts}
+
+
+def _entries(docstring: str) -> Iterator[tuple[str, str]]:
+    """The entries ``name: text`` or ``one, other: text`` under ``Attributes:``, their lines joined."""
+    _, _, section = f"\n{docstring}".partition("\nAttributes:\n")
+    section = dedent(re.split(r"^\S", section, maxsplit=1, flags=re.MULTILINE)[0])  # ends where nothing is indented
+    for entry in re.split(r"^(?=\w)", section, flags=re.MULTILINE)[1:]:
+        names, _, text = entry.partition(":")
+        for name in names.split(","):
+            yield name.strip(), " ".join(text.split())

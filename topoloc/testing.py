@@ -14,7 +14,7 @@ from topoloc.estimate import estimate_from
 from topoloc.geometry import Floats, compose, wrap
 from topoloc.interfaces import Estimator, Sensor
 from topoloc.topo_map import Camera, Node, TopoMap
-from topoloc.types import Evidence, Frame, Image, Motion, WeightedPoses
+from topoloc.types import Evidence, Frame, Image, Motion, Pixels, WeightedPoses
 
 _CALM = Motion(np.array([0.5, 0.0, 0.1]), np.diag([0.01, 0.01, 0.004]))
 
@@ -204,8 +204,8 @@ def check_headings(sensor: Sensor, topo_map: TopoMap, frames: Sequence[Frame], t
     assert not errors or np.median(errors) < np.deg2rad(30.0), "headings are optical axes, counter-clockwise, map frame"
 
 
-def _flat(image: Image, colour: tuple[int, int, int]) -> Image:
-    plain: Image = np.empty(image.shape, dtype=np.uint8)
+def _flat(image: Pixels, colour: tuple[int, int, int]) -> Pixels:
+    plain = np.empty_like(image)
     plain[...] = colour if image.ndim == 3 else colour[0]
     return plain
 

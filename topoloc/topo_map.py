@@ -50,6 +50,12 @@ class Camera:
         rows, columns = image.shape[:2]
         return bool(abs(columns * self.height - rows * self.width) <= max(self.width, self.height))
 
+    def fits_panorama(self, image: Image) -> bool:
+        """Whether an image has the aspect ratio of this camera's panoramas, to 2 %."""
+        rows, columns = image.shape[:2]
+        expected = self.panorama_columns() * rows / self.height
+        return bool(abs(columns - expected) <= 0.02 * expected)
+
 
 @dataclass(frozen=True)
 class Node:
@@ -73,10 +79,17 @@ class Node:
 
 @dataclass(frozen=True)
 class View:
-    """A training view: an image and the pose (3,) of the camera it was taken from (heading = optical axis)."""
+    """A training view.
+
+    Attributes:
+        pose: (3,) of the camera it was taken from; heading = optical axis.
+        image: uint8 (rows, cols[, 3]).
+        right: the other picture of a stereo pair, from ``TopoMap.baseline_m`` to the right of ``pose``, or None.
+    """
 
     pose: Floats
     image: Image = field(repr=False, compare=False)
+    right: Image | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -91,6 +104,7 @@ class TopoMap:
         free: polygons, each (V, 2) [m], that the robot may be in besides the surroundings of nodes and edges.
         views: training views.
         filtered: the panoramas were built from snapshots filtered with CLAHE: a sensor must not filter again.
+        baseline_m: distance of the right camera from the main one in the views' stereo pairs [m], or None.
     """
 
     name: str
@@ -100,6 +114,7 @@ class TopoMap:
     free: tuple[Floats, ...] = ()
     views: tuple[View, ...] = ()
     filtered: bool = False
+    baseline_m: float | None = None
 
     def __post_init__(self) -> None:
         if not self.nodes:
@@ -109,6 +124,8 @@ class TopoMap:
             raise ValueError("the ids of a map's nodes must differ")
         if not np.isfinite(self.positions).all():
             raise ValueError("the positions of a map's nodes must be finite")
+        if self.baseline_m is not None and not self.baseline_m > 0.0:
+            raise ValueError(f"baseline_m is {self.baseline_m}; it must be above 0")
         edges = _near_pairs(self.positions) if self.edges is None else np.asarray(self.edges, dtype=np.int64)
         object.__setattr__(self, "edges", edges.reshape(-1, 2))
 

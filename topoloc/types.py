@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +18,11 @@ from scipy.special import i0e, logsumexp
 from topoloc.geometry import Floats, compose, inverse, wrap
 
 Image = NDArray[np.uint8]
+Depth = NDArray[np.uint16]
+Pixels = NDArray[Any]
+"""An ``Image`` or, of the kind ``depth``, a ``Depth``: the kind tells which, so it is not asked again at each use."""
+DEPTH_UNITS_PER_M = 5000
+"""What 1 m is in a ``Depth``, as in the TUM RGB-D recordings; 0 is unknown."""
 Ints = NDArray[np.int64]
 
 
@@ -92,14 +98,15 @@ class Frame:
         timestamp: [s].
         odometry: (3,) raw pose of the odometer, or None where there is none.
         camera: (3,) pose of the camera on the robot, pan included; heading = optical axis.
-        images: by kind ``rgb``, ``right``, ``depth``, ``omni``: uint8 (rows, cols[, 3]), RGB order.
+        images: by kind. ``rgb``, ``right``, ``omni``: uint8 (rows, cols[, 3]), RGB order. ``depth``: uint16
+            (rows, cols), distance along the optical axis, 5000 units a metre, 0 = unknown.
             The mapping may read lazily: it raises ``topoloc.errors.UnreadableImage`` for a file that does not decode.
     """
 
     timestamp: float
     odometry: Floats | None
     camera: Floats
-    images: Mapping[str, Image]
+    images: Mapping[str, Pixels]
 
     def __post_init__(self) -> None:
         if self.odometry is not None:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
+
+if TYPE_CHECKING:
+    from topoloc.topo_map import TopoMap
 
 
 def simulate(
@@ -34,10 +37,19 @@ def simulate(
     with new_folder(output, overwrite) as folder:
         made = maker.simulate(seed)
         made.topo_map.save(folder / "map")
-        writer = RecordingWriter(folder / "recording", made.topo_map.camera)
+        baseline = getattr(maker.config, "stereo_baseline_m", 0.0) or None
+        panorama = "omni" in made.frames[0].images
+        writer = RecordingWriter(folder / "recording", made.topo_map.camera, baseline_m=baseline, panorama=panorama)
         for frame, pose in track(list(zip(made.frames, made.truth, strict=True)), "rendering frames"):
             writer.add(frame, pose)
         writer.close()
-    print(f"{output / 'map'}: {len(made.topo_map.nodes)} nodes with panoramas (simulated)")
+    print(f"{output / 'map'}: {_contents(made.topo_map)} (simulated)")
     print(f"{output / 'recording'}: {len(made.frames)} frames with odometry and ground truth (simulated)")
     print(f"next: topoloc localize {output / 'map'} {output / 'recording'} -o {output / 'run'}")
+
+
+def _contents(topo_map: TopoMap) -> str:
+    """What a map holds, in words."""
+    panoramas = sum(node.panorama is not None for node in topo_map.nodes)
+    held = [f"{panoramas} panoramas"] * (panoramas > 0) + [f"{len(topo_map.views)} views"] * bool(topo_map.views)
+    return f"{len(topo_map.nodes)} nodes with {' and '.join(held)}"

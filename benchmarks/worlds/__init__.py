@@ -1,28 +1,35 @@
-"""Simulated worlds: an own renderer, and the thesis's laboratory drawn with it.
+"""Simulated worlds: an own renderer, and the buildings of the seeds and two of our own drawn with it.
 
-``LabSettings`` and ``simulate`` give a map, frames and the truth; ``lab_scene``, ``render_frame``, ``render_cylinder``
-and ``panorama_of`` are the parts. Pictures are simulated; nothing here was recorded.
+A world's class makes a map, frames and the truth: ``LabWorld(WorldSettings(people=0.35)).simulate(seed)``. Pictures are
+simulated; nothing here was recorded.
 """
 
 from __future__ import annotations
 
 from benchmarks.worlds.effects import SensorEffects, sense
-from benchmarks.worlds.lab import NODES, lab_scene
-from benchmarks.worlds.renderer import Scene, Shake, render_cylinder, render_frame
-from benchmarks.worlds.simulate import LabSettings, Simulation, simulate
-from benchmarks.worlds.snapshots import panorama_of
+from benchmarks.worlds.lab import LabWorld, lab_scene
+from benchmarks.worlds.lab_corridor import LabCorridorWorld
+from benchmarks.worlds.moment import Moment
+from benchmarks.worlds.renderer import Scene, Shake, render_cylinder, render_depth, render_frame
+from benchmarks.worlds.settings import WorldSettings
+from benchmarks.worlds.snapshots import Scan, panorama_of
+from benchmarks.worlds.world import Simulation, World
 
 __all__ = [
-    "NODES",
-    "LabSettings",
+    "LabCorridorWorld",
+    "LabWorld",
+    "Moment",
+    "Scan",
     "Scene",
     "SensorEffects",
     "Shake",
     "Simulation",
+    "World",
+    "WorldSettings",
     "lab_scene",
     "panorama_of",
     "render_cylinder",
+    "render_depth",
     "render_frame",
     "sense",
-    "simulate",
 ]

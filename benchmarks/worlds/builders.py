@@ -1,15 +1,21 @@
-"""How furniture is built from faces and planes, and how it is lit."""
+"""How furniture is built from faces and planes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchmarks.worlds.renderer import Atlas, Faces, Planes, Scene
+from benchmarks.worlds.textures import KINDS, texture_set
 from topoloc.geometry import Floats, compose
+
+if TYPE_CHECKING:
+    from benchmarks.worlds.light import Light
 
 CEILING_M = 2.7
 DESK_M = 0.75
@@ -34,13 +40,29 @@ class Thing:
     moves: bool = False
 
 
-class Builder:
-    """Collects faces and planes, and lights them at the end."""
+@lru_cache(maxsize=2)
+def world_atlas(seed: int) -> tuple[Atlas, dict[str, list[int]]]:
+    """All textures of a seed, and their indices in the atlas by kind."""
+    images = texture_set(np.random.default_rng([seed, 1]))
+    index, count = {}, 0
+    for kind in KINDS:
+        index[kind] = list(range(count, count + len(images[kind])))
+        count += len(images[kind])
+    return Atlas.of([image for kind in KINDS for image in images[kind]]), index
 
-    def __init__(self, index: dict[str, list[int]]) -> None:
-        self._index = index
+
+class Builder:
+    """Collects faces and planes, and lights them at the end.
+
+    Args:
+        seed: of the textures.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._atlas, self._index = world_atlas(seed)
         self._faces: list[tuple[float, ...]] = []
         self._planes: list[tuple[float, ...]] = []
+        self._glowing: list[int] = []
 
     def texture(self, kind: str, variant: int = 0) -> int:
         """Index in the atlas of one texture of a kind."""
@@ -50,6 +72,15 @@ class Builder:
     def face(self, start: Floats, end: Floats, low: float, high: float, kind: str, variant: int = 0) -> None:
         """A vertical rectangle from ``start`` to ``end`` (2,), seen from the right of that line."""
         self._faces.append((*start[:2], *end[:2], low, high, self.texture(kind, variant)))
+
+    def glowing(self, start: Floats, end: Floats, low: float, high: float, kind: str, variant: int = 0) -> None:
+        """A face out of doors, which has the brightness of the sky."""
+        self._glowing.append(len(self._faces))
+        self.face(start, end, low, high, kind, variant)
+
+    def thing(self, thing: Thing) -> None:
+        """A piece of furniture."""
+        BUILDERS[thing.kind](self, thing)
 
     def wall(self, start: Floats, end: Floats, low: float, high: float, kind: str, width: float = 1.1) -> None:
         """A long face in pieces about ``width`` [m] wide, so that the light can vary along it."""
@@ -83,53 +114,19 @@ class Builder:
         half = (size[0] / 2.0, size[1] / 2.0)
         self._planes.append((pose[0], pose[1], *half, pose[2], height, self.texture(kind), tile))
 
-    def scene(self, atlas: Atlas, light: Light) -> Scene:
+    def scene(self, light: Light) -> Scene:
         """Everything collected, lit."""
         face, plane = np.array(self._faces), np.array(self._planes)
         ends, heights = face[:, :4], face[:, 4:6]
         whole, none = np.ones(len(face)), np.zeros(len(face))
-        faces = Faces(ends, heights, face[:, 6].astype(np.int64), whole, none, light.on_faces(ends, heights))
+        brightness = light.on_faces(ends, heights)
+        brightness[self._glowing] = light.sky
+        faces = Faces(ends, heights, face[:, 6].astype(np.int64), whole, none, brightness)
         above = np.column_stack([plane[:, :2], plane[:, 5]])
         shade = light.at(above, np.tile((0.0, 0.0, 1.0), (len(above), 1)))
         texture = plane[:, 6].astype(np.int64)
         planes = Planes(plane[:, :2], plane[:, 2:4], plane[:, 4], plane[:, 5], texture, plane[:, 7], shade)
-        return Scene(atlas, faces, planes)
-
-
-@dataclass(frozen=True)
-class Light:
-    """Soft light from the windows and the ceiling.
-
-    Attributes:
-        lamps: (L, 3) positions [m].
-        power: (L,) brightness that a lamp adds right before it.
-        ambient: brightness factor everywhere.
-    """
-
-    lamps: Floats
-    power: Floats
-    ambient: float = 0.42
-
-    def at(self, points: Floats, normals: Floats) -> Floats:
-        """Brightness factor (N,) of surfaces at points (N, 3) with unit normals (N, 3)."""
-        ray = self.lamps - points[:, None, :]
-        squared = np.sum(ray**2, axis=2)
-        facing = np.sum(ray * normals[:, None, :], axis=2) / np.sqrt(squared + 1e-6)
-        soft = np.clip(0.35 + 0.65 * facing, 0.05, 1.0) / (1.0 + squared / 6.0)
-        return np.asarray(np.minimum(self.ambient + soft @ self.power, 1.25))
-
-    def on_faces(self, ends: Floats, heights: Floats) -> Floats:
-        """Brightness (F, 4) at the corners of faces, as ``Faces.shade`` orders them; 1 outside the room."""
-        along = ends[:, 2:] - ends[:, :2]
-        outward = np.column_stack([along[:, 1], -along[:, 0], np.zeros(len(ends))])
-        normals = outward / np.linalg.norm(outward, axis=1, keepdims=True)
-        corners = [
-            self.at(np.column_stack([ends[:, 2 * end : 2 * end + 2], heights[:, side]]), normals)
-            for side in (1, 0)
-            for end in (0, 1)
-        ]
-        far = np.abs(ends).max(axis=1) > 6.0
-        return np.where(far[:, None], 1.0, np.stack(corners, axis=1))
+        return Scene(self._atlas, faces, planes)
 
 
 def _desk(b: Builder, thing: Thing) -> None:
@@ -159,6 +156,13 @@ def _chair(b: Builder, thing: Thing) -> None:
     b.box(pose, (0.47, 0.45), 0.42, 0.5, "cloth", "cloth", "cloth")
     b.box(compose(pose, (0.0, -0.22, 0.0)), (0.08, 0.04), 0.45, 0.65, "plastic", "plastic")
     b.box(compose(pose, (0.0, -0.22, 0.0)), (0.43, 0.07), 0.62, 1.04, "cloth", "cloth", "cloth")
+
+
+def _sitter(b: Builder, thing: Thing) -> None:
+    """Someone on a chair: trunk and head above its seat, turned as the chair is."""
+    pose = compose(np.array(thing.pose), (0.0, 0.02, np.pi))
+    b.box(pose, (0.42, 0.24), 0.5, 1.06, "shirt", "shirt", "shirt", thing.variant)
+    b.box(pose, (0.18, 0.19), 1.06, 1.32, "head", "head", "head", thing.variant)
 
 
 def _window(b: Builder, thing: Thing) -> None:
@@ -214,6 +218,7 @@ BUILDERS: dict[str, Callable[[Builder, Thing], None]] = {
     "desk": _desk,
     "monitor": _monitor,
     "chair": _chair,
+    "sitter": _sitter,
     "window": _window,
     "poster": _flat("poster", 0.6, 0.85),
     "whiteboard": _flat("whiteboard", 1.5, 1.0),

@@ -1,26 +1,46 @@
-"""A simulated camera: image columns cast through textured vertical faces and horizontal planes, in vectorised numpy.
+"""A simulated camera: pictures and depths of textured vertical faces and horizontal planes, in vectorised numpy.
 
 A view is an array of rays on the floor plan, one a column, and one row scale: pin-hole frames and cylinders share the
-code.
+code. What the rays meet is found in ``casting``; colours and depths are looked up here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from topoloc.geometry import Floats
+from benchmarks.worlds.casting import Faces, Hits, Planes, Rays, Seen, cast
+from topoloc.geometry import Floats, compose
 from topoloc.topo_map import Camera
 from topoloc.types import Image, Ints
 
+__all__ = [
+    "EYE_M",
+    "Atlas",
+    "Faces",
+    "Planes",
+    "Rays",
+    "Scene",
+    "Shake",
+    "cylinder_rays",
+    "distances",
+    "focal_length",
+    "frame_rays",
+    "render",
+    "render_cylinder",
+    "render_cylinder_depth",
+    "render_depth",
+    "render_frame",
+    "right_of",
+]
+
 EYE_M = 1.1
 """Height of the camera above the floor [m]."""
-NEAREST_M = 0.05
-"""Nothing nearer than this is drawn [m]."""
 SECTOR_DEG = 40.0
 """A cylinder is cast in sectors this wide, so that a sector sees few faces; degrees."""
 
@@ -66,55 +86,10 @@ class Atlas:
 
 
 @dataclass(frozen=True)
-class Faces:
-    """F vertical rectangles, seen from the right of the line from their first to their second end only.
-
-    Attributes:
-        ends: (F, 4) x0, y0, x1, y1 [m]; the texture runs from end 0 to end 1, left to right for who sees it.
-        heights: (F, 2) low and high edge [m].
-        texture: (F,) index into the atlas; the texture's height covers the face once.
-        repeat: (F,) texture widths along the face.
-        offset: (F,) where the texture begins at end 0, in texture widths.
-        shade: (F, 4) brightness factor at end 0 high, end 1 high, end 0 low, end 1 low.
-    """
-
-    ends: Floats
-    heights: Floats
-    texture: Ints
-    repeat: Floats
-    offset: Floats
-    shade: Floats
-
-
-@dataclass(frozen=True)
-class Planes:
-    """P horizontal rectangles: floor, ceiling, tops of desks; seen from above and from below.
-
-    Attributes:
-        centre: (P, 2) [m].
-        half: (P, 2) half the sides [m].
-        yaw: (P,) of the first side [rad].
-        height: (P,) [m].
-        texture: (P,) index into the atlas; repeats over the floor plan.
-        tile: (P,) side that the texture covers once [m].
-        shade: (P,) brightness factor.
-    """
-
-    centre: Floats
-    half: Floats
-    yaw: Floats
-    height: Floats
-    texture: Ints
-    tile: Floats
-    shade: Floats
-
-
-@dataclass(frozen=True)
 class Scene:
     """What the camera can see. Where nothing is hit the picture is black.
 
-    Surfaces may touch but not pierce each other: what is nearer is decided once for every piece of a column between
-    the edges of surfaces.
+    Surfaces may touch and pierce each other; of two in the very same place the first is seen, a face before a plane.
     """
 
     atlas: Atlas
@@ -143,27 +118,6 @@ class Shake:
     roll: float = 0.0
 
 
-@dataclass(frozen=True)
-class Rays:
-    """The columns of a view.
-
-    Attributes:
-        eye: (3,) x, y, height [m].
-        directions: (C, 2) on the floor plan, not normalised; columns run clockwise over less than half a circle.
-        horizon: (C,) row of the horizon.
-        scale: rows per unit of slope, where a direction's length is the unit of distance.
-        pitch: width of a column: the cross product of neighbouring directions.
-        rows: of the picture.
-    """
-
-    eye: Floats
-    directions: Floats
-    horizon: Floats
-    scale: float
-    pitch: float
-    rows: int
-
-
 def focal_length(camera: Camera) -> float:
     """Focal length of the pin-hole [pixels]."""
     return float(camera.width / 2.0 / np.tan(np.deg2rad(camera.hfov_deg) / 2.0))
@@ -188,6 +142,23 @@ def frame_rays(pose: Floats, camera: Camera, eye_m: float = EYE_M, shake: Shake 
     )
 
 
+def cylinder_rays(position: Floats, heading: float, camera: Camera, eye_m: float = EYE_M) -> list[Rays]:
+    """Columns of a full circle seen from ``position`` (2,) [m], in sectors; see ``render_cylinder``."""
+    columns = camera.panorama_columns()
+    step = 2.0 * np.pi / columns
+    angles = heading - (np.arange(columns) + 0.5) * step
+    directions = np.column_stack([np.cos(angles), np.sin(angles)])
+    eye = np.array([position[0], position[1], eye_m])
+    sectors = np.array_split(directions, int(np.ceil(360.0 / SECTOR_DEG)))
+    middle = camera.height / 2.0
+    return [Rays(eye, part, np.full(len(part), middle), focal_length(camera), step, camera.height) for part in sectors]
+
+
+def right_of(pose: Floats, baseline_m: float) -> Floats:
+    """Pose (3,) of the right camera of a stereo pair whose left one is at ``pose`` (3,) [m, m, rad]."""
+    return compose(pose, (0.0, -baseline_m, 0.0))
+
+
 def render_frame(
     scene: Scene,
     pose: Floats,
@@ -197,6 +168,17 @@ def render_frame(
 ) -> Image:
     """A pin-hole frame, uint8 (height, width, 3) RGB, from the camera's pose (3,) [m, m, rad, map frame]."""
     return render(scene, frame_rays(pose, camera, eye_m, shake))
+
+
+def render_depth(
+    scene: Scene,
+    pose: Floats,
+    camera: Camera,
+    eye_m: float = EYE_M,
+    shake: Shake | None = None,
+) -> NDArray[np.float32]:
+    """Depth along the optical axis of what ``render_frame`` shows, (height, width) [m]; infinite where nothing is."""
+    return distances(scene, frame_rays(pose, camera, eye_m, shake))
 
 
 def render_cylinder(scene: Scene, position: Floats, heading: float, camera: Camera, eye_m: float = EYE_M) -> Image:
@@ -212,49 +194,20 @@ def render_cylinder(scene: Scene, position: Floats, heading: float, camera: Came
     Returns:
         uint8 (height, panorama columns, 3) RGB.
     """
-    columns = camera.panorama_columns()
-    step = 2.0 * np.pi / columns
-    angles = heading - (np.arange(columns) + 0.5) * step
-    directions = np.column_stack([np.cos(angles), np.sin(angles)])
-    eye = np.array([position[0], position[1], eye_m])
-    sectors = np.array_split(directions, int(np.ceil(360.0 / SECTOR_DEG)))
-    middle = camera.height / 2.0
-    views = [Rays(eye, part, np.full(len(part), middle), focal_length(camera), step, camera.height) for part in sectors]
-    return np.concatenate([render(scene, view) for view in views], axis=1)
+    return np.concatenate([render(scene, rays) for rays in cylinder_rays(position, heading, camera, eye_m)], axis=1)
 
 
-@dataclass(frozen=True)
-class _Hits:
-    """Where rays meet surfaces: N pairs of a column and a surface.
-
-    ``low`` and ``high`` are the first row and the row after the last; 1 / distance is ``near + rise * row``, exact for
-    faces and planes alike, so that comparing it tells what hides what. ``along`` is the share of a face's length.
-    """
-
-    column: Ints
-    surface: Ints
-    is_plane: NDArray[np.bool_]
-    low: Ints
-    high: Ints
-    near: Floats
-    rise: Floats
-    along: Floats
-    grain: Floats
-
-    @classmethod
-    def joined(cls, first: _Hits, second: _Hits) -> _Hits:
-        """Both, ordered by column."""
-        both = {name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in cls.__annotations__}
-        order = np.flatnonzero(both["high"] > both["low"])
-        order = order[np.argsort(both["column"][order], kind="stable")]
-        return cls(**{name: values[order] for name, values in both.items()})
+def render_cylinder_depth(
+    scene: Scene, position: Floats, heading: float, camera: Camera, eye_m: float = EYE_M
+) -> NDArray[np.float32]:
+    """Horizontal distance of what ``render_cylinder`` shows, (height, panorama columns) [m]; infinite for nothing."""
+    return np.concatenate([distances(scene, rays) for rays in cylinder_rays(position, heading, camera, eye_m)], axis=1)
 
 
 def render(scene: Scene, rays: Rays) -> Image:
     """The picture of any view, uint8 (rows, columns, 3) RGB, without the errors of a sensor."""
-    hits = _Hits.joined(_face_hits(scene.faces, rays), _plane_hits(scene.planes, rays))
-    hit, length = _visible_spans(hits, len(rays.directions), rays.rows)
-    texel, shade = _look_up(scene, rays, hits, hit, length)
+    seen = cast(scene.faces, scene.planes, rays)
+    texel, shade = _look_up(scene, rays, seen)
     columns = len(rays.directions)
     picture = scene.atlas.texels.take(texel).reshape(columns, rays.rows)
     upright = cv2.cvtColor(cv2.transpose(picture.view(np.uint8).reshape(columns, rays.rows, 4)), cv2.COLOR_RGBA2RGB)
@@ -262,132 +215,33 @@ def render(scene: Scene, rays: Rays) -> Image:
     return np.asarray(cv2.multiply(upright, light, dtype=cv2.CV_8U), dtype=np.uint8)
 
 
-def _cross(a: Floats, b: Floats) -> Floats:
-    """Cross product of plane vectors (..., 2)."""
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+def distances(scene: Scene, rays: Rays) -> NDArray[np.float32]:
+    """How far what ``render`` shows is, (rows, columns), in lengths of the column's direction; infinite for nothing."""
+    seen = cast(scene.faces, scene.planes, rays)
+    near, rise = (np.append(values, 0.0)[seen.hit] for values in (seen.hits.near, seen.hits.rise))  # -1: nothing
+    nearness = np.repeat(near, seen.length) + np.repeat(rise, seen.length) * _rows(len(rays.directions), rays.rows)
+    with np.errstate(divide="ignore"):  # infinity is meant
+        distance = (1.0 / nearness).astype(np.float32)
+    return np.ascontiguousarray(distance.reshape(-1, rays.rows).T)
 
 
-def _may_be_seen(start: Floats, end: Floats, directions: Floats, margin: float | Floats = 0.0) -> NDArray[np.bool_]:
-    """Which segments, ends (F, 2) relative to the eye, are not wholly to the left, right or rear of the view."""
-    left, right = (side / np.hypot(*side) for side in (directions[0], directions[-1]))
-    ahead = left + right
-    kept = np.ones(len(start), dtype=bool)
-    for inward in (np.array([left[1], -left[0]]), np.array([-right[1], right[0]]), ahead / np.hypot(*ahead)):
-        kept &= np.maximum(start @ inward, end @ inward) > -np.asarray(margin)
-    return kept
+@lru_cache(maxsize=8)
+def _rows(columns: int, rows: int) -> NDArray[np.float32]:
+    """Row of the middle of every pixel (columns * rows), column by column."""
+    return np.tile(np.arange(rows, dtype=np.float32) + np.float32(0.5), columns)
 
 
-def _edge_rows(rays: Rays, column: Ints, height: Floats, inverse_distance: Floats) -> Floats:
-    """Row at which a height [m] appears: fractional, clipped to the picture."""
-    row = rays.horizon[column] - rays.scale * (height - rays.eye[2]) * inverse_distance
-    return np.asarray(np.clip(row, 0.0, rays.rows))
-
-
-def _face_hits(faces: Faces, rays: Rays) -> _Hits:
-    """Where the columns' rays meet the faces that are turned to the eye."""
-    start, end = faces.ends[:, :2] - rays.eye[:2], faces.ends[:, 2:] - rays.eye[:2]
-    index = np.flatnonzero((_cross(start, end - start) < 0.0) & _may_be_seen(start, end, rays.directions))
-    start, along = start[index], (end - start)[index]
-    x, y = rays.directions[:, 0], rays.directions[:, 1]
-    slant = along[:, 1:] * x - along[:, :1] * y  # (F, C), cross(direction, along)
-    offset = start[:, :1] * y - start[:, 1:] * x  # cross(start, direction)
-    which, column = np.nonzero((slant < 0.0) & (offset <= 0.0) & (offset > slant))
-    inverse = slant[which, column] / _cross(start, along)[which]
-    ahead = inverse < 1.0 / NEAREST_M
-    which, column, inverse = which[ahead], column[ahead], inverse[ahead]
-    slant_hit, surface = slant[which, column], index[which]
-    low, high = (_edge_rows(rays, column, faces.heights[surface, side], inverse) for side in (1, 0))
-    return _Hits(
-        column,
-        surface,
-        np.zeros(len(column), dtype=bool),
-        np.ceil(low - 0.5).astype(np.int64),
-        np.ceil(high - 0.5).astype(np.int64),
-        inverse,
-        np.zeros(len(column)),
-        offset[which, column] / slant_hit,
-        -rays.pitch / (inverse * slant_hit),
-    )
-
-
-def _plane_hits(planes: Planes, rays: Rays) -> _Hits:
-    """Where the columns' rays enter and leave the horizontal planes."""
-    middle, reach = planes.centre - rays.eye[:2], np.hypot(planes.half[:, 0], planes.half[:, 1])
-    seen = _may_be_seen(middle, middle, rays.directions, reach) & (np.abs(planes.height - rays.eye[2]) > 1e-6)
-    index = np.flatnonzero(seen)
-    cos, sin = np.cos(planes.yaw[index])[:, None], np.sin(planes.yaw[index])[:, None]
-    x, y = rays.directions[:, 0], rays.directions[:, 1]
-    enter, leave = np.zeros((len(index), len(x))), np.full((len(index), len(x)), np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):  # a ray along a side never crosses it: infinity is meant
-        for side, (along, across) in enumerate(((cos, sin), (-sin, cos))):
-            direction = along * x + across * y
-            centre = along * middle[index, :1] + across * middle[index, 1:]
-            half = planes.half[index, side, None]
-            one, other = (centre - half) / direction, (centre + half) / direction
-            enter = np.fmax(enter, np.fmin(one, other))
-            leave = np.fmin(leave, np.fmax(one, other))
-    which, column = np.nonzero(leave > np.maximum(enter, NEAREST_M))
-    surface = index[which]
-    height = planes.height[surface]
-    fall = rays.scale * (rays.eye[2] - height)  # rows below the horizon at unit distance
-    near = _edge_rows(rays, column, height, 1.0 / np.maximum(enter[which, column], NEAREST_M))
-    far = _edge_rows(rays, column, height, 1.0 / leave[which, column])
-    return _Hits(
-        column,
-        surface,
-        np.ones(len(column), dtype=bool),
-        np.ceil(np.minimum(near, far) - 0.5).astype(np.int64),
-        np.ceil(np.maximum(near, far) - 0.5).astype(np.int64),
-        -rays.horizon[column] / fall,
-        1.0 / fall,
-        np.zeros(len(column)),
-        np.zeros(len(column)),
-    )
-
-
-def _visible_spans(hits: _Hits, columns: int, rows: int) -> tuple[Ints, Ints]:
-    """Cut every column where a surface begins or ends, and find the nearest surface of each piece.
-
-    Returns:
-        Index of the hit that is seen, -1 for none, and number of rows of each span, column by column from the top.
-    """
-    count = np.bincount(hits.column, minlength=columns)
-    most = max(int(count.max(initial=0)), 1)
-    place = np.arange(len(hits.column)) - np.repeat(np.cumsum(count) - count, count)
-    low, high = np.full((columns, most), rows), np.full((columns, most), 0)
-    index = np.full((columns, most), -1)
-    near, rise = np.zeros((columns, most)), np.zeros((columns, most))
-    filled = (low, high, index, near, rise)
-    for table, values in zip(filled, (hits.low, hits.high, np.arange(len(place)), hits.near, hits.rise), strict=True):
-        table[hits.column, place] = values
-    cuts = np.concatenate([np.zeros((columns, 1), dtype=np.int64), low, high, np.full((columns, 1), rows)], axis=1)
-    cuts.sort(axis=1)
-    column, piece = np.nonzero(cuts[:, 1:] > cuts[:, :-1])
-    top, bottom = cuts[column, piece], cuts[column, piece + 1]
-    covers = (low[column] <= top[:, None]) & (high[column] >= bottom[:, None])
-    nearness = np.where(covers, near[column] + rise[column] * ((top + bottom) / 2.0)[:, None], 0.0)
-    winner = nearness.argmax(axis=1)
-    span = np.arange(len(column))
-    return np.where(nearness[span, winner] > 0.0, index[column, winner], -1), bottom - top
-
-
-def _look_up(
-    scene: Scene,
-    rays: Rays,
-    hits: _Hits,
-    hit: Ints,
-    length: Ints,
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+def _look_up(scene: Scene, rays: Rays, seen: Seen) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """Index of the texel and brightness factor of every pixel (columns * rows), column by column."""
-    row = np.tile(np.arange(rays.rows, dtype=np.float32) + np.float32(0.5), len(rays.directions))
-    seen = np.flatnonzero(hit >= 0)
+    hits, hit, length, row = seen.hits, seen.hit, seen.length, _rows(len(rays.directions), rays.rows)
+    something = np.flatnonzero(hit >= 0)
     on_plane = np.zeros(len(hit), dtype=bool)
-    on_plane[seen] = hits.is_plane[hit[seen]]
-    base, line = _face_spans(scene, rays, hits, hit, seen[~on_plane[seen]])
-    pixels = np.repeat(line, length, axis=0)
+    on_plane[something] = hits.is_plane[hit[something]]
+    base, line = _face_spans(scene, rays, hits, hit, something[~on_plane[something]])
+    texel_row, texel_rise, light, light_rise = (np.repeat(values, length) for values in line)
     texel = np.repeat(base, length)
-    texel += (pixels[:, 0] + pixels[:, 1] * row).astype(np.int32)
-    shade = pixels[:, 2] + pixels[:, 3] * row
+    texel += (texel_row + texel_rise * row).astype(np.int32)
+    shade = light + light_rise * row
     pixel = np.flatnonzero(np.repeat(on_plane, length))
     if len(pixel):
         plane_hit = np.repeat(hit[on_plane], length[on_plane])
@@ -403,15 +257,15 @@ def _level(texels_per_pixel: Floats, levels: int) -> Ints:
 
 
 def _face_spans(
-    scene: Scene, rays: Rays, hits: _Hits, hit: Ints, span: Ints
+    scene: Scene, rays: Rays, hits: Hits, hit: Ints, span: Ints
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Of every span: its texture column's first texel (S,), and (S, 4) texture row and shade as lines in row.
+    """Of every span: its texture column's first texel (S,), and (4, S) texture row and shade as lines in row.
 
     Only the spans that show faces, numbered ``span``, are filled in.
     """
     faces, atlas = scene.faces, scene.atlas
     base = np.zeros(len(hit), dtype=np.int32)
-    line = np.zeros((len(hit), 4), dtype=np.float32)
+    line = np.zeros((4, len(hit)), dtype=np.float32)
     seen = hit[span]
     surface, along, inverse = hits.surface[seen], hits.along[seen], hits.near[seen]
     texture, repeat = faces.texture[surface], faces.repeat[surface]
@@ -427,13 +281,11 @@ def _face_spans(
     shade = faces.shade[surface]
     top = shade[:, 0] + (shade[:, 1] - shade[:, 0]) * along
     bottom = shade[:, 2] + (shade[:, 3] - shade[:, 2]) * along
-    line[span] = np.stack(
-        [offset * height, climb * height, top + (bottom - top) * offset, (bottom - top) * climb], axis=1
-    )
+    line[:, span] = np.stack([offset * height, climb * height, top + (bottom - top) * offset, (bottom - top) * climb])
     return base, line
 
 
-def _plane_texels(scene: Scene, rays: Rays, hits: _Hits, seen: Ints, row: NDArray[np.float32]) -> Ints:
+def _plane_texels(scene: Scene, rays: Rays, hits: Hits, seen: Ints, row: NDArray[np.float32]) -> Ints:
     """Index of the texel of pixels (N,) that show planes: the hit each belongs to, and its row."""
     planes, atlas = scene.planes, scene.atlas
     surface, column = hits.surface[seen], hits.column[seen]

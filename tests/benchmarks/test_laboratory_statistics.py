@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.worlds import LabSettings, Simulation, simulate
+from benchmarks.worlds import LabWorld, Simulation, WorldSettings
 from estimators import ActivityTracker
 from sensors import IMA
 from topoloc import plugins
@@ -24,7 +24,7 @@ KIDNAPPED_AT = 30
 def drives(kidnapped: bool = False) -> list[tuple[Simulation, IMA]]:
     made = []
     for seed in SEEDS:
-        drive = simulate(LabSettings(updates=60, kidnap_at=KIDNAPPED_AT if kidnapped else -1), seed)
+        drive = LabWorld(WorldSettings(updates=60, kidnap_at=KIDNAPPED_AT if kidnapped else -1)).simulate(seed)
         sensor = IMA()
         sensor.fit(drive.topo_map)
         made.append((drive, sensor))

@@ -8,10 +8,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image as Pictures
 
 from topoloc import files
 from topoloc.errors import InputError, OutputExists, UnreadableImage, UserError
-from topoloc.files import new_folder, read_image, read_text, refuse_to_overwrite, write_csv, write_image, write_text
+from topoloc.files import (
+    new_folder,
+    read_depth,
+    read_image,
+    read_text,
+    refuse_to_overwrite,
+    write_csv,
+    write_image,
+    write_text,
+)
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -205,6 +215,57 @@ class TestImages:
     def test_a_name_that_ends_in_no_format(self, name: str, tmp_path: Path) -> None:
         with pytest.raises(UserError, match=r"\.png"):
             write_image(tmp_path / name, np.zeros((2, 2), dtype=np.uint8))
+        assert content(tmp_path) == {}
+
+
+class TestDepth:
+    LEVELS = np.arange(1 << 16, dtype=np.uint16).reshape(256, 256)
+
+    @pytest.mark.parametrize("name", ["d.png", "d.PNG"])
+    def test_each_of_the_levels_comes_back(self, name: str, tmp_path: Path) -> None:
+        write_image(tmp_path / name, self.LEVELS)
+        read = read_depth(tmp_path / name)
+        assert read.dtype == np.uint16 and np.array_equal(read, self.LEVELS)
+
+    def test_the_file_is_one_that_other_tools_read_as_16_bits(self, tmp_path: Path) -> None:
+        write_image(tmp_path / "d.png", self.LEVELS)
+        header = (tmp_path / "d.png").read_bytes()[16:26]
+        assert header == (256).to_bytes(4, "big") * 2 + bytes([16, 0]), "16 bits, grey"
+
+    @pytest.mark.parametrize("mode", ["I;16", "I;16B", "I"])
+    def test_written_by_others(self, mode: str, tmp_path: Path) -> None:
+        """Pillow's modes for 16 bits; some of its versions read a 16-bit PNG as 32-bit integers."""
+        of_mode = {"I;16": "<u2", "I;16B": ">u2", "I": "<i4"}[mode]
+        data = self.LEVELS.astype(of_mode).tobytes()
+        Pictures.frombytes(mode, (256, 256), data).save(tmp_path / "d.tif")
+        assert np.array_equal(read_depth(tmp_path / "d.tif"), self.LEVELS)
+
+    def test_read_as_an_image_it_keeps_the_upper_eight_bits(self, tmp_path: Path) -> None:
+        write_image(tmp_path / "d.png", self.LEVELS)
+        image = read_image(tmp_path / "d.png")
+        assert image.dtype == np.uint8 and np.array_equal(image, np.repeat(self.LEVELS[..., None] >> 8, 3, axis=2))
+
+    @pytest.mark.parametrize("shape", [(4, 5), (4, 5, 3)])
+    def test_eight_bits_are_no_depth(self, shape: tuple[int, ...], tmp_path: Path) -> None:
+        write_image(tmp_path / "d.png", np.zeros(shape, dtype=np.uint8))
+        with pytest.raises(InputError, match=r"d\.png: is no grey picture of 16 bits; save") as caught:
+            read_depth(tmp_path / "d.png")
+        assert not isinstance(caught.value, UnreadableImage), "it must stop the run, not pass for a blind frame"
+
+    def test_levels_beyond_16_bits_are_no_depth(self, tmp_path: Path) -> None:
+        Pictures.fromarray(np.array([[70_000]], dtype=np.int32)).save(tmp_path / "d.tif")
+        with pytest.raises(InputError, match=r"d\.tif: is no grey picture"):
+            read_depth(tmp_path / "d.tif")
+
+    def test_a_file_that_does_not_decode(self, tmp_path: Path) -> None:
+        (tmp_path / "d.png").write_text("hello")
+        with pytest.raises(UnreadableImage, match=r"d\.png: does not decode"):
+            read_depth(tmp_path / "d.png")
+
+    @pytest.mark.parametrize("name", ["d.jpg", "d.bmp"])
+    def test_a_format_that_would_drop_bits(self, name: str, tmp_path: Path) -> None:
+        with pytest.raises(UserError, match=r"16 bits.*\.png"):
+            write_image(tmp_path / name, self.LEVELS)
         assert content(tmp_path) == {}
 
 

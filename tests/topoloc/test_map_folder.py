@@ -31,13 +31,16 @@ def full_map() -> TopoMap:
         Node("b", 'a "quoted", comma', 1.5, -2.25, -3.0, picture()),
         Node("c-3", "Tür", 1.0 / 3.0, 512345.678, 3.0),
     )
-    views = (View(np.array([0.1, 0.2, -1.0]), picture(36, 48)), View(np.array([1.0 / 7.0, 0.0, 3.0]), picture(36, 48)))
+    views = (
+        View(np.array([0.1, 0.2, -1.0]), picture(36, 48)),
+        View(np.array([1.0 / 7.0, 0.0, 3.0]), picture(36, 48), right=picture(36, 48)),
+    )
     free = (np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0 / 3.0]]), np.array([[5.0, 5], [6, 5], [6, 6], [5, 6]]))
-    return TopoMap("the “lab”", CAMERA, nodes, np.array([[0, 2], [1, 0]]), free, views, filtered=True)
+    return TopoMap("the “lab”", CAMERA, nodes, np.array([[0, 2], [1, 0]]), free, views, True, 0.12)
 
 
 def assert_same_map(a: TopoMap, b: TopoMap) -> None:
-    assert (a.name, a.camera, a.filtered) == (b.name, b.camera, b.filtered)
+    assert (a.name, a.camera, a.filtered, a.baseline_m) == (b.name, b.camera, b.filtered, b.baseline_m)
     assert [(n.id, n.name, n.x, n.y) for n in a.nodes] == [(n.id, n.name, n.x, n.y) for n in b.nodes]
     for one, other in zip(a.nodes, b.nodes, strict=True):
         assert float(wrap(one.heading - other.heading)) == pytest.approx(0.0, abs=1e-12)
@@ -49,6 +52,9 @@ def assert_same_map(a: TopoMap, b: TopoMap) -> None:
     assert len(a.views) == len(b.views)
     for view, same in zip(a.views, b.views, strict=True):
         assert np.allclose(view.pose, same.pose, atol=1e-12) and np.array_equal(view.image, same.image)
+        assert (view.right is None) == (same.right is None)
+        if view.right is not None and same.right is not None:
+            assert np.array_equal(view.right, same.right)
 
 
 class TestRoundTrip:
@@ -57,6 +63,14 @@ class TestRoundTrip:
         the_map.save(tmp_path / "m")
         assert_same_map(TopoMap.load(tmp_path / "m"), the_map)
         assert_same_map(TopoMap.load(str(tmp_path / "m")), the_map)
+
+    def test_without_stereo_there_is_no_word_of_it(self, tmp_path: Path) -> None:
+        views = tuple(replace(view, right=None) for view in full_map().views)
+        the_map = replace(full_map(), views=views, baseline_m=None)
+        the_map.save(tmp_path / "m")
+        assert (tmp_path / "m" / "views.csv").read_text().startswith("x,y,heading,image\n")
+        assert "baseline" not in (tmp_path / "m" / "map.toml").read_text()
+        assert len(TopoMap.load(tmp_path / "m").views) == 2
 
     def test_a_bare_map(self, tmp_path: Path) -> None:
         bare = TopoMap("bare", Camera(), (Node("x", "", 0.0, 0.0),))
@@ -114,6 +128,7 @@ def folder(tmp_path: Path) -> Path:
     (where / "map.toml").write_text('name = "hand"\n\n[camera]\nhfov_deg = 40\nwidth = 48\nheight = 36\n')
     (where / "nodes.csv").write_text(NODES)
     write_image(where / "one.png", picture())
+    write_image(where / "v.png", picture(36, 48))
     return where
 
 
@@ -204,9 +219,19 @@ BAD = {
     "panorama of one frame": (lambda folder: write_image(folder / "one.png", picture(36, 48)), r"line 2: .*48.*432"),
     "edge to nowhere": (write("edges.csv", "a,b\n1,2\n1,9\n"), r"edges\.csv, line 3: .*'9'"),
     "edges without header": (write("edges.csv", "1,2\n"), r"edges\.csv, line 1: .*a, b"),
-    "view missing": (write("views.csv", "x,y,heading,image\n0,0,0,v.png\n"), r"views\.csv, line 2: .*v\.png"),
+    "view missing": (write("views.csv", "x,y,heading,image\n0,0,0,u.png\n"), r"views\.csv, line 2: .*u\.png"),
     "view without image": (write("views.csv", "x,y,heading,image\n0,0,0,\n"), r"views\.csv, line 2: "),
     "view of a panorama": (write("views.csv", "x,y,heading,image\n0,0,0,one.png\n"), r"views\.csv, line 2: .*432x36"),
+    "right missing": (write("views.csv", "x,y,heading,image,right\n0,0,0,v.png,\n0,0,0,v.png,w.png\n"), r"3: .*w\.png"),
+    "right of a panorama": (
+        write("views.csv", "x,y,heading,image,right\n0,0,0,v.png,one.png\n"),
+        r"views\.csv, line 2: one\.png is 432x36.*48x36",
+    ),
+    "baseline negative": (
+        write("map.toml", "baseline_m = -0.1\n" + TOML),
+        r"map\.toml: baseline_m is -0\.1; .*above 0",
+    ),
+    "baseline a text": (write("map.toml", 'baseline_m = "wide"\n' + TOML), r"map\.toml: baseline_m is 'wide'"),
     "view with letters": (write("views.csv", "x,y,heading,image\nq,0,0,one.png\n"), r"views\.csv, line 2: x is 'q'"),
 }
 

@@ -30,6 +30,14 @@ def test_every_registered_name_loads_and_says_what_it_is(group: str, name: str) 
         assert set(plugins.options(thing)) == set(thing.Config.__dataclass_fields__)
 
 
+@pytest.mark.parametrize(("group", "name"), [(group, name) for group, name in REGISTERED if group != plugins.COMMANDS])
+def test_every_setting_says_what_it_is(group: str, name: str) -> None:
+    thing = plugins.load(group, name)
+    settings = plugins.settings_of(thing)
+    assert {setting.name.partition(".")[0] for setting in settings} == set(plugins.options(thing))
+    assert [setting.name for setting in settings if not setting.text] == []
+
+
 @pytest.mark.parametrize("group", GROUPS)
 def test_an_unknown_name_lists_the_known_ones(group: str) -> None:
     with pytest.raises(UnknownName) as caught:
@@ -50,6 +58,7 @@ def test_settings_go_into_the_config() -> None:
 
 def test_options_of_a_class_without_settings() -> None:
     assert plugins.options(object) == {}
+    assert plugins.settings_of(object) == []
 
 
 class TestOutsiders:

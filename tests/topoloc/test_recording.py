@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+import weakref
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,10 +20,14 @@ from topoloc.geometry import wrap
 from topoloc.recording import LazyImages, Mount, Recording, Track, write_track
 from topoloc.recording_folder import RecordingWriter
 from topoloc.topo_map import Camera
-from topoloc.types import Frame
+from topoloc.types import Frame, Pixels
 
 CAMERA = Camera(40.0, 16, 12)
 RNG = np.random.default_rng(0)
+
+
+def depth_picture() -> np.ndarray:
+    return RNG.integers(0, 1 << 16, (12, 16)).astype(np.uint16)
 
 
 def picture(rows: int = 12, columns: int = 16) -> np.ndarray:
@@ -65,6 +72,110 @@ class TestRoundTrip:
         assert [len(row) for row in rows] == [8, 8]
         assert [float(word) for word in rows[0]] == pytest.approx([0, 1, 2, 0, 0, 0, 0, 1])
         assert [float(word) for word in rows[1]] == pytest.approx([1, 0, 0, 0, 0, 0, math.sqrt(0.5), math.sqrt(0.5)])
+
+
+def write_frames(folder: Path, frames: list[Frame], **options: Any) -> Recording:
+    writer = RecordingWriter(folder, CAMERA, **options)
+    for frame in frames:
+        writer.add(frame)
+    writer.close()
+    return Recording.load(folder)
+
+
+def pictures_of(kinds: Sequence[str]) -> dict[str, Pixels]:
+    return {kind: depth_picture() if kind == "depth" else picture() for kind in kinds}
+
+
+class TestEveryKind:
+    @pytest.mark.parametrize(
+        "kinds", [("rgb", "right", "depth", "omni"), ("depth", "rgb"), ("omni",), ("omni", "depth")], ids="-".join
+    )
+    def test_comes_back(self, kinds: Sequence[str], tmp_path: Path) -> None:
+        """The frames lie closer together than pictures of one frame may."""
+        frames = [Frame(i / 50, None, np.zeros(3), pictures_of(kinds)) for i in range(3)]
+        recording = write_frames(tmp_path, frames)
+        assert recording.kind == ("rgb" if "rgb" in kinds else "omni")
+        for frame, read in zip(frames, recording, strict=True):
+            assert set(read.images) == set(kinds)
+            for kind in kinds:
+                assert read.images[kind].dtype == (np.uint16 if kind == "depth" else np.uint8)
+                assert np.array_equal(read.images[kind], frame.images[kind])
+        lists = [(tmp_path / f"{kind}.txt").read_text().splitlines() for kind in kinds]
+        assert len({tuple(line.split()[0] for line in lines) for lines in lists}) == 1, "the same timestamps"
+        files = {f"{kind}/{i:06d}.png" for kind in kinds for i in range(3)} | {f"{kind}.txt" for kind in kinds}
+        assert {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*.*")} == files | {"camera.toml"}
+
+    def test_no_picture_is_kept(self, tmp_path: Path) -> None:
+        writer = RecordingWriter(tmp_path, CAMERA)
+        images = pictures_of(["rgb", "depth"])
+        watched = [weakref.ref(image) for image in images.values()]
+        writer.add(Frame(0.0, None, np.zeros(3), images))
+        del images
+        assert [reference() for reference in watched] == [None, None]
+
+    def test_stereo_and_panorama_are_told(self, tmp_path: Path) -> None:
+        frames = [Frame(0.0, None, np.array([0.1, 0.0, 0.2]), pictures_of(["omni"]))]
+        recording = write_frames(tmp_path / "a", frames, baseline_m=0.12, panorama=True)
+        assert (recording.baseline_m, recording.panorama, recording.camera) == (0.12, True, CAMERA)
+        assert recording.mount.x == 0.1
+        plain = write_frames(tmp_path / "b", frames)
+        assert (plain.baseline_m, plain.panorama) == (None, False)
+
+    @pytest.mark.parametrize(
+        ("images", "says"),
+        [
+            ({}, "give rgb or omni"),
+            ({"right": picture()}, "give rgb or omni"),
+            ({"rgb": picture(), "heat": picture()}, "'heat'"),
+            ({"rgb": depth_picture()}, "rgb is uint16.*must be uint8"),
+            ({"rgb": picture(), "depth": picture()[..., 0]}, "depth is uint8.*must be uint16"),
+            ({"rgb": picture(), "depth": picture().astype(np.uint16)}, r"depth is uint16 \(12, 16, 3\)"),
+        ],
+        ids=["nothing", "no main one", "unknown", "rgb of 16 bits", "depth of 8 bits", "coloured depth"],
+    )
+    def test_pictures_that_could_not_be_read_back(self, images: dict[str, Pixels], says: str, tmp_path: Path) -> None:
+        with pytest.raises(ValueError, match=says):
+            RecordingWriter(tmp_path, CAMERA).add(Frame(0.0, None, np.zeros(3), images))
+
+    def test_each_frame_has_the_same_kinds(self, tmp_path: Path) -> None:
+        writer = RecordingWriter(tmp_path, CAMERA)
+        writer.add(Frame(0.0, None, np.zeros(3), pictures_of(["rgb", "right"])))
+        with pytest.raises(ValueError, match=r"\['rgb'\], the first \['rgb', 'right'\]"):
+            writer.add(Frame(1.0, None, np.zeros(3), pictures_of(["rgb"])))
+
+    def test_a_recording_has_a_frame(self, tmp_path: Path) -> None:
+        with pytest.raises(ValueError, match="needs a frame"):
+            RecordingWriter(tmp_path, CAMERA).close()
+
+    @pytest.mark.parametrize("baseline", [0.0, -0.1, float("nan")])
+    def test_a_baseline_is_above_0(self, baseline: float, tmp_path: Path) -> None:
+        with pytest.raises(ValueError, match="baseline_m"):
+            RecordingWriter(tmp_path, CAMERA, baseline_m=baseline)
+
+
+class TestPan:
+    def test_comes_back(self, tmp_path: Path) -> None:
+        """Over the seam, and with a turn of more than half a circle between two frames."""
+        headings = [0.4, 0.4, 3.1, -3.1, 0.2, -2.9]
+        cameras = [np.array([0.1, -0.05, heading]) for heading in headings]
+        frames = [Frame(0.3 * i, None, camera, {"rgb": picture()}) for i, camera in enumerate(cameras)]
+        recording = write_frames(tmp_path, frames)
+        assert recording.mount.yaw_deg == pytest.approx(math.degrees(0.4))
+        assert (tmp_path / "pan.txt").read_text().splitlines()[:2] == ["# timestamp degrees", "0.000000 0.000000000"]
+        for camera, read in zip(cameras, recording, strict=True):
+            assert read.camera == pytest.approx(camera, abs=1e-9)
+
+    def test_a_camera_that_stays_has_no_pan(self, tmp_path: Path) -> None:
+        camera = np.array([0.1, 0.0, -math.pi])
+        recording = write_frames(tmp_path, [Frame(float(i), None, camera, {"rgb": picture()}) for i in range(2)])
+        assert not (tmp_path / "pan.txt").exists() and recording.pan is None
+        assert np.array([frame.camera for frame in recording]) == pytest.approx(np.array([camera, camera]))
+
+    def test_a_camera_that_moves_on_the_robot_is_refused(self, tmp_path: Path) -> None:
+        writer = RecordingWriter(tmp_path, CAMERA)
+        writer.add(Frame(0.0, None, np.array([0.1, 0.0, 0.0]), {"rgb": picture()}))
+        with pytest.raises(ValueError, match="camera moved on the robot"):
+            writer.add(Frame(1.0, None, np.array([0.1, 0.01, 0.5]), {"rgb": picture()}))
 
 
 class TestTrack:
@@ -168,6 +279,39 @@ class TestByHand:
         assert [set(frame.images) for frame in recording] == [{"omni"}] * 3
         assert next(iter(recording)).images["omni"].shape == (12, 16, 3)
 
+    @pytest.mark.parametrize(("columns", "fine"), [(108, True), (110, True), (111, False), (16, False)])
+    def test_an_unwrapped_omni_picture_has_the_shape_of_a_panorama(
+        self, columns: int, fine: bool, folder: Path
+    ) -> None:
+        (folder / "rgb.txt").rename(folder / "omni.txt")
+        (folder / "camera.toml").write_text("panorama = true\n")
+        write_image(folder / "b.png", picture(9, columns))
+        images = list(Recording.load(folder).on(CAMERA))[1].images
+        if fine:
+            assert images["omni"].shape == (9, columns, 3)
+        else:
+            with pytest.raises(InputError, match=rf"omni\.txt, line 3: b\.png is {columns}x9.*144x12.*; ") as caught:
+                images["omni"]
+            assert not isinstance(caught.value, UnreadableImage)
+
+    def test_a_right_picture_of_another_aspect_ratio_names_its_line(self, folder: Path) -> None:
+        write_image(folder / "r.png", picture(24, 16))
+        (folder / "right.txt").write_text("1.0 r.png\n")
+        frame = next(iter(Recording.load(folder).on(CAMERA)))
+        with pytest.raises(InputError, match=r"right\.txt, line 1: r\.png is 16x24"):
+            frame.images["right"]
+
+    def test_depth_of_8_bits_names_the_picture(self, folder: Path) -> None:
+        (folder / "depth.txt").write_text("1.0 a.png\n")
+        frame = next(iter(Recording.load(folder)))
+        with pytest.raises(InputError, match=r"a\.png: is no grey picture of 16 bits; "):
+            frame.images["depth"]
+
+    def test_a_camera_file_that_tells_no_lens(self, folder: Path) -> None:
+        (folder / "camera.toml").write_text("baseline_m = 0.1\n[mount]\nx = 0.2\n")
+        recording = Recording.load(folder).on(Camera(90.0, 16, 12))
+        assert (recording.camera, recording.baseline_m, recording.mount) == (None, 0.1, Mount(x=0.2))
+
     def test_without_a_camera_file_any_field_of_view_suits(self, folder: Path) -> None:
         (folder / "camera.toml").unlink()
         recording = Recording.load(folder).on(Camera(90.0, 16, 12))
@@ -233,6 +377,12 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "camera unknown key": (rewrite("camera.toml", "width", "with"), r"camera\.toml: .*'with'.*width"),
     "mount unknown key": (rewrite("camera.toml", "yaw_deg", "yaw"), r"camera\.toml \[mount\]: .*'yaw'.*yaw_deg"),
     "mount is a number": (write("camera.toml", "mount = 3\n"), r"camera\.toml.*mount"),
+    "baseline 0": (rewrite("camera.toml", "width = 16", "baseline_m = 0"), r"camera\.toml: baseline_m is 0; .*above 0"),
+    "baseline a text": (
+        rewrite("camera.toml", "width = 16", "baseline_m = '1 m'"),
+        r"camera\.toml: baseline_m is '1 m'",
+    ),
+    "panorama a number": (rewrite("camera.toml", "width = 16", "panorama = 3"), r"camera\.toml: panorama is 3"),
     "hfov 0": (rewrite("camera.toml", "40", "0"), r"camera\.toml: hfov_deg is 0"),
 }
 

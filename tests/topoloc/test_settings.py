@@ -2,12 +2,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 
 from topoloc.errors import InputError, UserError
-from topoloc.settings import build, parse_words, read_toml
+from topoloc.settings import Setting, build, described, explained, optional_length, parse_words, read_toml
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,9 @@ class Outer:
     name: str = "x"
     marks: tuple[int, ...] = ()
     inner: Inner = field(default_factory=Inner)
+    spans: tuple[float, ...] = (0.5, 2.0)
+    mode: Literal["fast", "fine"] = "fast"
+    modes: tuple[Literal["a", "b"], ...] = ()
 
     def __post_init__(self) -> None:
         if self.count < 0:
@@ -53,6 +56,9 @@ class TestBuild:
             ("marks=3,1", {"marks": (3, 1)}),
             ("marks=5", {"marks": (5,)}),
             ("marks=", {"marks": ()}),
+            ("spans=1,2.5", {"spans": (1.0, 2.5)}),
+            ("mode=fine", {"mode": "fine"}),
+            ("modes=b,a", {"modes": ("b", "a")}),
             ("inner.depth=2", {"inner": Inner(2.0)}),
             ("inner.deep=true", {"inner": Inner(deep=True)}),
         ],
@@ -63,7 +69,7 @@ class TestBuild:
     @pytest.mark.parametrize(
         ("table", "says"),
         [
-            ({"cuont": 1}, ["here", "'cuont'", "count, inner, marks, name, on, ratio"]),
+            ({"cuont": 1}, ["here", "'cuont'", "count, inner, marks, mode, modes, name, on, ratio, spans"]),
             ({"inner": {"deph": 1}}, ["here: inner", "'deph'", "deep, depth"]),
         ],
     )
@@ -97,6 +103,11 @@ class TestBuild:
             ("marks", "1,x"),
             ("marks", [1.5]),
             ("marks", 3),
+            ("spans", "1,x"),
+            ("mode", "faste"),
+            ("mode", 3),
+            ("mode", ["fast"]),
+            ("modes", "a,c"),
             ("inner", 3),
             ("inner", "deep"),
         ],
@@ -105,9 +116,90 @@ class TestBuild:
         with pytest.raises(UserError, match=rf"^here: {key} is .*; \w+"):
             build(Outer, {key: value}, "here")
 
+    def test_a_choice_that_is_none_lists_the_choices(self) -> None:
+        with pytest.raises(UserError, match=r"^here: mode is 'Fast'; choose from: fast, fine$"):
+            build(Outer, {"mode": "Fast"}, "here")
+
     def test_a_value_that_the_class_refuses(self) -> None:
         with pytest.raises(UserError, match="here: count is -1; it must not be negative; correct the value"):
             build(Outer, {"count": -1}, "here")
+
+
+class TestLength:
+    def test_a_length_or_none(self) -> None:
+        assert optional_length({"a": 1}, "a", "here") == 1.0
+        assert optional_length({}, "a", "here") is None
+
+    @pytest.mark.parametrize("value", [0, -1.0, "x", True, float("nan"), float("inf")])
+    def test_what_is_none(self, value: object) -> None:
+        with pytest.raises(UserError, match=r"^here: a is .*; write a "):
+            optional_length({"a": value}, "a", "here")
+
+
+@dataclass(frozen=True)
+class Base:
+    """Of every one.
+
+    Attributes:
+        size: of a side [m]; a text that
+            goes on: here.
+        low, high: ends of the range.
+        mode: how.
+
+    Raises:
+        silent: not an attribute.
+    """
+
+    size: float = 1.0
+    low: float = 0.0
+    high: float = float("inf")
+    mode: str = "x"
+    silent: bool = False
+
+
+@dataclass(frozen=True)
+class Derived(Base):
+    """Of one only.
+
+    Attributes:
+        mode: another how.
+        inner: a table.
+        marks: a list.
+    """
+
+    inner: Base = field(default_factory=Base)
+    marks: tuple[float, ...] = (1.0, 0.25)
+    none: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Untold(Derived):
+    more: int = 3
+
+
+class TestDescribed:
+    def test_entries_of_the_docstring(self) -> None:
+        assert described(Base) == {
+            "size": "of a side [m]; a text that goes on: here.",
+            "low": "ends of the range.",
+            "high": "ends of the range.",
+            "mode": "how.",
+        }
+
+    @pytest.mark.parametrize("cls", [Derived, Untold])
+    def test_what_is_inherited_is_told_by_the_nearest_base_that_tells_it(self, cls: type) -> None:
+        texts = described(cls)
+        assert list(texts) == ["size", "low", "high", "mode", "inner", "marks"]
+        assert (texts["size"], texts["mode"]) == (described(Base)["size"], "another how.")
+
+    def test_explained_with_defaults_and_the_tables_within(self) -> None:
+        defaults = {item: getattr(Derived(), item) for item in Derived.__dataclass_fields__}
+        settings = {setting.name: setting for setting in explained(Derived, defaults)}
+        assert settings["low"] == Setting("low", "0", "ends of the range.")
+        assert settings["inner.mode"] == Setting("inner.mode", "x", "how.")
+        assert "inner" not in settings and settings["none"].text == ""
+        shown = {name: settings[name].default for name in ("high", "silent", "marks", "none", "inner.size")}
+        assert shown == {"high": "infinite", "silent": "false", "marks": "1,0.25", "none": "none", "inner.size": "1"}
 
 
 class TestWords:

@@ -54,6 +54,17 @@ def test_a_map_without_usable_nodes_is_refused(places: list[tuple[float, float]]
         map_of(places)
 
 
+@pytest.mark.parametrize(("columns", "fits"), [(432, True), (440, True), (424, True), (442, False), (48, False)])
+def test_a_camera_knows_its_panoramas_at_any_scale(columns: int, fits: bool) -> None:
+    assert Camera(40.0, 384, 288).fits_panorama(np.zeros((36, columns, 3), np.uint8)) == fits
+
+
+@pytest.mark.parametrize("baseline", [0.0, -0.1, np.nan])
+def test_a_baseline_of_no_length_is_refused(baseline: float) -> None:
+    with pytest.raises(ValueError, match="baseline_m"):
+        map_of(LINE, baseline_m=baseline)
+
+
 def test_repeated_ids_are_refused() -> None:
     node = Node("a", "a", 0.0, 0.0)
     with pytest.raises(ValueError, match="ids"):

@@ -1,47 +1,106 @@
-"""``topoloc list``: what can be named on the command line, with its options."""
+"""``topoloc list``: what can be named on the command line, with its settings."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, is_dataclass
-from typing import Annotated, Any, Literal
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from topoloc.settings import Setting
+
 Kind = Literal["sensors", "estimators", "worlds", "panoramas", "commands"]
+FEWEST_SHARED = 6
+"""Fewer settings that all things of a kind share are not worth a table of their own."""
 
 
-def _flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    """``key=value`` words as ``--set`` takes them; a nested table's keys follow its name and a dot."""
-    for key, value in settings.items():
-        if is_dataclass(value) and not isinstance(value, type):
-            yield from _flat(asdict(value), f"{prefix}{key}.")
-        elif isinstance(value, tuple):
-            yield f"{prefix}{key}={','.join(map(str, value))}"
-        else:
-            yield f"{prefix}{key}={value:g}" if isinstance(value, float) else f"{prefix}{key}={value}"
-
-
-def list_names(kind: Annotated[Kind | None, Parameter(help="Show only these.")] = None) -> None:
+def list_names(
+    kind: Annotated[Kind | None, Parameter(help="Show only these.")] = None,
+    name: Annotated[str | None, Parameter(help="Show only this one of them.")] = None,
+) -> None:
     """List sensors, estimators, worlds and panorama methods, with their settings and defaults.
 
-    Example: ``topoloc list sensors``
+    Example: ``topoloc list worlds``, ``topoloc list worlds lab``
     """
     from rich.console import Console
-    from rich.table import Table
 
     from topoloc import plugins
 
-    console = Console()
-    groups = {name: f"topoloc.{name}" for name in ("sensors", "estimators", "worlds", "panoramas", "commands")}
-    for title, group in groups.items():
-        if kind not in (None, title):
-            continue
-        table = Table("name", "what it is", title=title, title_justify="left")
-        table.add_column("settings and defaults", overflow="fold")
-        for name in plugins.names(group):
-            thing = plugins.load(group, name)
-            summary = (thing.__doc__ or "").strip().partition("\n")[0]
-            settings = plugins.options(thing) if title != "commands" else {}
-            table.add_row(name, summary, "  ".join(_flat(settings)))
-        console.print(table)
+    console = Console(markup=False, emoji=False, highlight=False)  # "[m]" is a unit
+    for title in get_args(Kind) if kind is None else (kind,):
+        group = f"topoloc.{title}"
+        chosen = plugins.names(group) if name is None else [name]
+        things = {one: plugins.load(group, one) for one in chosen}
+        console.print(title, style="bold")
+        if title == "commands":
+            _print_commands(console, things)
+        else:
+            _print_things(console, title, things)
+
+
+def _print_commands(console: Console, things: Mapping[str, Any]) -> None:
+    from rich.table import Table
+
+    table = Table("name", "what it is")
+    for name, thing in things.items():
+        table.add_row(name, _summary(thing))
+    console.print(table)
+
+
+def _print_things(console: Console, kind: str, things: Mapping[str, Any]) -> None:
+    """Each thing with its settings; what is the same for all of a kind comes once, at the end."""
+    from rich.text import Text
+
+    from topoloc import plugins
+
+    settings = {name: plugins.settings_of(thing) for name, thing in things.items()}
+    shared = _shared(list(settings.values()))
+    for name, thing in things.items():
+        console.print()
+        console.print(Text.assemble((name, "bold"), ": ", _summary(thing)))
+        own = [setting for setting in settings[name] if setting not in shared]
+        if own:
+            _print_settings(console, own)
+        else:
+            console.print("  no settings of its own" if shared else "  no settings")
+    if shared:
+        console.print(f"\nsettings of every {kind.removesuffix('s')}; a default told above goes before", style="bold")
+        _print_settings(console, shared)
+
+
+def _shared(of_things: list[list[Setting]]) -> list[Setting]:
+    """Settings that all have with one text, each with the default of more than half of them; none if they are few."""
+    count = Counter(setting for settings in of_things for setting in settings)
+    texts = Counter((setting.name, setting.text) for setting in count.elements())
+    shared = [
+        setting
+        for setting in count
+        if texts[setting.name, setting.text] == len(of_things) and 2 * count[setting] > len(of_things)
+    ]
+    return shared if len(of_things) > 1 and len(shared) >= FEWEST_SHARED else []
+
+
+def _print_settings(console: Console, settings: Iterable[Setting]) -> None:
+    from rich.table import Table
+
+    table = Table(show_edge=False, pad_edge=True)
+    table.add_column("setting", overflow="fold")
+    table.add_column("default", overflow="fold")
+    table.add_column("what it is")
+    for setting in settings:
+        table.add_row(setting.name, setting.default, _plain(setting.text))
+    console.print(table)
+
+
+def _summary(thing: Any) -> str:
+    """The first line of a docstring."""
+    return _plain((thing.__doc__ or "").strip().partition("\n")[0])
+
+
+def _plain(text: str) -> str:
+    """A docstring's text without the marks of code."""
+    return text.replace("``", "")
