@@ -63,6 +63,7 @@ class Builder:
         self._faces: list[tuple[float, ...]] = []
         self._planes: list[tuple[float, ...]] = []
         self._glowing: list[int] = []
+        self._pieces = 0
 
     def texture(self, kind: str, variant: int = 0) -> int:
         """Index in the atlas of one texture of a kind."""
@@ -83,11 +84,16 @@ class Builder:
         BUILDERS[thing.kind](self, thing)
 
     def wall(self, start: Floats, end: Floats, low: float, high: float, kind: str, width: float = 1.1) -> None:
-        """A long face in pieces about ``width`` [m] wide, so that the light can vary along it."""
+        """A long face in pieces about ``width`` [m] wide, so that light and stains vary along it and between walls."""
         pieces = max(1, round(float(np.hypot(*(end - start))) / width))
         corners = start + np.linspace(0.0, 1.0, pieces + 1)[:, None] * (end - start)
-        for number, (a, b) in enumerate(pairwise(corners)):
-            self.face(a, b, low, high, kind, number)
+        for a, b in pairwise(corners):
+            self.face(a, b, low, high, kind, self._pieces)
+            self._pieces += 1
+
+    def repeat_walls(self) -> None:
+        """Let the next walls have the stains of the first ones again."""
+        self._pieces = 0
 
     def box(
         self,
@@ -214,6 +220,15 @@ def _plant(b: Builder, thing: Thing) -> None:
         b.box(compose(pose, (0.0, 0.0, turned)), (size, size), base + low, base + high, kind, kind, kind, thing.variant)
 
 
+def _table(b: Builder, thing: Thing) -> None:
+    """A table top on four legs."""
+    pose = np.array(thing.pose)
+    b.box(pose, (1.6, 0.8), DESK_M - 0.04, DESK_M, "wood", "wood", "wood")
+    for x in (-0.74, 0.74):
+        for y in (-0.34, 0.34):
+            b.box(compose(pose, (x, y, 0.0)), (0.05, 0.05), 0.0, DESK_M - 0.04, "plastic", "plastic")
+
+
 BUILDERS: dict[str, Callable[[Builder, Thing], None]] = {
     "desk": _desk,
     "monitor": _monitor,
@@ -235,5 +250,7 @@ BUILDERS: dict[str, Callable[[Builder, Thing], None]] = {
     "lamp": _solid("plastic", (0.12, 0.12, 0.4)),
     "telephone": _solid("plastic", (0.2, 0.2, 0.07), None, "plastic"),
     "supply": _solid("computer", (0.4, 0.4, 0.6), "casing", "casing"),
+    "table": _table,
+    "counter": _solid("drawers", (0.6, 0.6, 0.9), "casing", "wood"),
 }
 """How every kind of thing is built."""

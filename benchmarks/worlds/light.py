@@ -15,7 +15,7 @@ BULB_POWER, BULB_HEIGHT_M = 1.0, 2.1
 DAYLIGHT_FACTOR = 3.0
 """Windows under open curtains against those when the map was made."""
 AMBIENT, AMBIENT_BULBS, AMBIENT_DAYLIGHT = 0.42, 0.3, 0.34
-PATCHES_AGED = 0.18
+PATCHES_AGED = 0.15
 """Standard deviation of the logarithm of the brightness at the corners of surfaces, once the sun has come round: it
 draws patches and shadows on walls and furniture that the soft light of the lamps does not."""
 SKY_AGED, SKY_BULBS = 1.25, 0.25

@@ -367,9 +367,9 @@ def head(rng: np.random.Generator) -> Image:
 
 
 KINDS: dict[str, tuple[Callable[[np.random.Generator], Image], int]] = {
-    "plaster": (plaster, 2),
-    "brick": (brick, 1),
-    "panel": (panel, 1),
+    "plaster": (plaster, 8),
+    "brick": (brick, 4),
+    "panel": (panel, 3),
     "carpet": (carpet, 1),
     "ceiling": (ceiling, 1),
     "wood": (wood, 1),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -168,10 +169,10 @@ def test_an_odometer_without_errors_repeats_the_drive_in_its_own_frame() -> None
 def test_slip_lengthens_what_the_odometer_says_and_grilles_turn_it() -> None:
     ahead = np.tile((0.5, 0.0, 0.0), (400, 1))
     start, rng = np.zeros(3), np.random.default_rng
-    slipping = odometer(ahead, start, Drift(*[0.0] * 7, slip_share=0.5, slip_loss=0.2, slip_deg=0.0), rng(0))
+    slipping = odometer(ahead, start, replace(Drift.none(), slip_share=0.5, slip_loss=0.2), rng(0))
     assert slipping[-1, 0] == pytest.approx(200.0 * 1.1, rel=0.02)
     grille = np.arange(400) % 4 == 0
-    jolting = Drift(*[0.0] * 7, 0.0, 0.0, 0.0, 2.0, grille_jolt_deg=3.0)
+    jolting = replace(Drift.none(), grille_spacing_m=2.0, grille_jolt_deg=3.0)
     jolted = odometer(ahead, start, jolting, rng(0), grille)
     turned = np.rad2deg(wrap(np.diff(jolted[:, 2])))
     assert (turned[~grille] == 0.0).all()
