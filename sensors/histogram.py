@@ -38,8 +38,8 @@ class ColorHistogramConfig:
     smoothing: float = 0.05
     neighbours: int = 10
     blind_deviation: float = 6.0
-    slope: float = 2.2
-    margin: float = -0.308
+    slope: float = 2.4
+    margin: float = -0.298
     sigma_m: float = 0.6
     kappa: float = 20.0
     log_floor: float = -1.5

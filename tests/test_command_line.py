@@ -23,7 +23,7 @@ from topoloc.geometry import compose, wrap
 from topoloc.metrics import METRICS
 from topoloc.recording import Recording
 from topoloc.recording_folder import RecordingWriter
-from topoloc.settings import Setting
+from topoloc.settings import Setting, parse_words
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Frame, Image, Status
 
@@ -601,3 +601,62 @@ def test_from_nothing_to_a_located_robot(tmp_path: Path) -> None:
     assert len(rows) == 3 and len(ids) == 8 and {row["node"] for row in rows} <= {*ids, ""}
     assert json.loads((tmp_path / "run" / "metrics.json").read_text())["steps"] >= 1
     assert read_image(tmp_path / "run" / "plan.png").ndim == 3
+
+
+WORLDS = {
+    "lab": ["turned_at=1", "stereo_baseline_m=0.12", "depth=true"],
+    "lab_corridor": ["age=0.5", "people=0.5", "doors=0.7"],
+    "office": ["bulbs=0.6"],
+    "image_grid": ["grid=6x8", "daylight=0.5"],
+    "twins": ["age=0.5", "route.random=true"],
+    "building": ["rooms=4", "people=0.5"],
+}
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_every_world_is_written_and_read_back(world: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Map and recording are what the world makes, and ``check`` finds nothing wrong with them."""
+    settings = ["updates=3", *WORLDS[world]]
+    options = [word for setting in settings for word in ("--set", setting)]
+    assert run(["simulate", world, "-o", str(tmp_path / "out"), "--seed", "2", *options]) == 0
+    made = plugins.make(plugins.WORLDS, world, parse_words(settings)).simulate(2)
+    out = capsys.readouterr().out
+    assert f"{len(made.topo_map.nodes)} nodes" in out and "simulated" in out
+    if made.topo_map.views:
+        assert f"{len(made.topo_map.views)} views" in out
+    for part in ("map", "recording"):
+        assert run(["check", str(tmp_path / "out" / part)]) == 0
+    read, recording = TopoMap.load(tmp_path / "out" / "map"), Recording.load(tmp_path / "out" / "recording")
+    assert [node.id for node in read.nodes] == [node.id for node in made.topo_map.nodes]
+    assert len(read.views) == len(made.topo_map.views)
+    for frame, expected, pose in zip(recording.on(read.camera), made.frames, made.truth, strict=True):
+        assert set(frame.images) == set(expected.images)
+        assert all((frame.images[kind] == image).all() for kind, image in expected.images.items())
+        assert frame.camera == pytest.approx(expected.camera, abs=1e-6)
+        assert recording.truth is not None
+        assert recording.truth.at(frame.timestamp) == pytest.approx(pose, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("world", "setting", "named"),
+    [
+        ("lab", "updates=3 kidnap_at=7", "kidnap_at is 7"),
+        ("lab", "bulbs=0.8 daylight=0.8", "bulbs 0.8 and daylight 0.8"),
+        ("lab", "scan.step_sd_deg=300", "step_sd_deg is 300"),
+        ("lab", "route.step_m=-1", "step_m is -1"),
+        ("lab", "effects.jpeg_quality=200", "jpeg_quality is 200"),
+        ("lab", "drift.slip_share=2", "slip_share is 2"),
+        ("image_grid", "grid=7x7", "'7x7'.*35x10"),
+        ("image_grid", "depth=true", "depth is True"),
+        ("building", "rooms=3", "rooms is 3"),
+        ("office", "pan_deg=400", "pan_deg is 400"),
+    ],
+)
+def test_a_world_that_cannot_be_is_one_line(
+    world: str, setting: str, named: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = [word for one in setting.split() for word in ("--set", one)]
+    assert run(["simulate", world, "-o", str(tmp_path / "out"), *options]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and re.search(named, err)
+    assert not (tmp_path / "out").exists()

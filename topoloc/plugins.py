@@ -44,13 +44,20 @@ def make(group: str, name: str, settings: Mapping[str, Any] | None = None) -> An
         group: of entry points.
         name: of the class.
         settings: go into its ``Config`` dataclass, unknown ones refused; a class without one takes none.
+
+    Raises:
+        UserError: settings that are unknown, or that the dataclass or the class refuses.
     """
     cls = load(group, name)
     where = f"settings of {name}"
     if not hasattr(cls, "Config"):
         refuse_unknown(settings or {}, set(), where)
         return cls()
-    return cls(build(cls.Config, settings or {}, where))
+    config = build(cls.Config, settings or {}, where)
+    try:
+        return cls(config)
+    except ValueError as error:
+        raise UserError(f"{where}: {error}; correct the value") from None
 
 
 def make_sensor(name: str, settings: Mapping[str, Any] | None = None) -> Sensor:

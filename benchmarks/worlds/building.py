@@ -59,8 +59,8 @@ class BuildingSettings(WorldSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.rooms < 2 or self.rooms % 2 or self.rooms > 400:
-            raise ValueError(f"rooms is {self.rooms}; write an even number from 2 to 400")
+        if self.rooms < 4 or self.rooms % 2 or self.rooms > 400:
+            raise ValueError(f"rooms is {self.rooms}; write an even number from 4 to 400")
 
 
 def _office(rng: np.random.Generator) -> Iterator[Thing]:

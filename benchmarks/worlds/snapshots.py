@@ -16,7 +16,6 @@ from topoloc.types import Image
 
 THESIS_COLUMNS = 72
 """Placement noise is given in columns of the thesis's scaled frame."""
-MOST_TRIES = 1000
 
 
 @dataclass(frozen=True)
@@ -47,10 +46,12 @@ class Scan:
             raise ValueError(f"snapshots is {self.snapshots}; a panorama needs two at least")
         if not 0.0 <= self.short_deg < 180.0:
             raise ValueError(f"short_deg is {self.short_deg}; it must lie between 0 and 180")
-        if self.longest_step_deg < 1.02 * 360.0 / self.snapshots:
+        step = (360.0 - self.short_deg) / self.snapshots
+        most = min(step, self.longest_step_deg - step) / 2.0
+        if self.step_sd_deg > most:
             raise ValueError(
-                f"longest_step_deg is {self.longest_step_deg}; {self.snapshots} snapshots need "
-                f"{1.02 * 360.0 / self.snapshots:.0f} at least"
+                f"step_sd_deg is {self.step_sd_deg}; {self.snapshots} steps of about {step:.0f} degrees and at most "
+                f"longest_step_deg, {self.longest_step_deg:g}, allow {max(most, 0.0):.1f}"
             )
 
 
@@ -66,15 +67,11 @@ def snapshot_turns(rng: np.random.Generator, scan: Scan | None = None) -> Floats
     """
     scan = scan or Scan()
     whole = 360.0 - scan.short_deg
-    for _ in range(MOST_TRIES):
+    while True:  # most draws fit: ``Scan`` sees to that
         steps = rng.normal(whole / scan.snapshots, scan.step_sd_deg, scan.snapshots)
         steps *= whole / steps.sum()
         if steps.min() > 0.0 and steps.max() <= scan.longest_step_deg:
             return np.asarray(np.deg2rad(np.concatenate([[0.0], np.cumsum(steps[:-1])])))
-    raise ValueError(
-        f"step_sd_deg is {scan.step_sd_deg:g}; no {scan.snapshots} steps of {whole / scan.snapshots:.0f} degrees that "
-        f"uneven are positive and at most {scan.longest_step_deg:g}: take a smaller one"
-    )
 
 
 def snapshots_of(

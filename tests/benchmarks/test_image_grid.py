@@ -200,7 +200,7 @@ def test_the_map_comes_back_from_disk(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "changes", [{"stereo_baseline_m": 0.1}, {"depth": True}, {"shake_px": 1.0}, {"scan": Scan(snapshots=10)}]
+    "changes", [{"stereo_baseline_m": 0.1}, {"depth": True}, {"shake_px": 1.0}, {"scan": Scan(short_deg=10.0)}]
 )
 def test_what_full_circles_do_not_have_is_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(changes))) as error:

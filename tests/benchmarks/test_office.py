@@ -172,7 +172,7 @@ def test_settings_that_mean_nothing_are_refused() -> None:
     with pytest.raises(ValueError, match=r"pan_deg is 170\.0"):
         OfficeSettings(pan_deg=170.0)
     with pytest.raises(ValueError, match="scan is"):
-        OfficeSettings(scan=Scan(snapshots=10))
+        OfficeSettings(scan=Scan(short_deg=10.0))
 
 
 @pytest.mark.parametrize("world", WORLDS)

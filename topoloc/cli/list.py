@@ -68,20 +68,22 @@ def _print_things(console: Console, kind: str, things: Mapping[str, Any]) -> Non
         else:
             console.print("  no settings of its own" if shared else "  no settings")
     if shared:
-        console.print(f"\nsettings of every {kind.removesuffix('s')}; a default told above goes before", style="bold")
+        console.print(f"\nsettings of every {kind.removesuffix('s')}; what is told above goes before", style="bold")
         _print_settings(console, shared)
 
 
 def _shared(of_things: list[list[Setting]]) -> list[Setting]:
-    """Settings that all have with one text, each with the default of more than half of them; none if they are few."""
+    """Settings that all have, as more than half of them have and tell them; none if they are few."""
+    if len(of_things) < 2:
+        return []
     count = Counter(setting for settings in of_things for setting in settings)
-    texts = Counter((setting.name, setting.text) for setting in count.elements())
+    having = Counter(setting.name for setting in count.elements())
     shared = [
-        setting
-        for setting in count
-        if texts[setting.name, setting.text] == len(of_things) and 2 * count[setting] > len(of_things)
+        setting for setting in count if having[setting.name] == len(of_things) and 2 * count[setting] > len(of_things)
     ]
-    return shared if len(of_things) > 1 and len(shared) >= FEWEST_SHARED else []
+    place = {setting.name: number for number, setting in enumerate(of_things[0])}
+    shared.sort(key=lambda setting: place[setting.name])
+    return shared if len(shared) >= FEWEST_SHARED else []
 
 
 def _print_settings(console: Console, settings: Iterable[Setting]) -> None:
