@@ -24,9 +24,11 @@ from topoloc.plan import ODOMETRY, TRUTH, dead_reckoning
 from topoloc.types import Pixels
 
 FOLDER = Path(__file__).parents[1] / "docs" / "pictures"
-SEED, FRAMES = 0, 60
+SEED, FRAMES = 2, 60
 SHOWN = (5, 20, 35, 50)
 WIDTH_IN = 8.6
+STACKED = 2.5
+"""A world this many times as wide as it is high has its plans one above the other."""
 AROUND_M = 4.5
 """How much of the world is shown around its nodes [m]."""
 CHANGES: Mapping[str, Mapping[str, Any]] = {
@@ -51,11 +53,13 @@ def picture(name: str) -> Figure:
     first = usual(start).film(SEED)[0][0]
     rows, columns = next(iter(first.images.values())).shape[:2]
     span = np.ptp(usual(start).positions, axis=0) + 2.0 * AROUND_M
-    heights = (WIDTH_IN / 3.0 * span[1] / span[0] + 0.6, len(CHANGES) * (WIDTH_IN / len(SHOWN) * rows / columns + 0.22))
+    stacked = span[0] > STACKED * span[1]
+    plans = 3.0 * (WIDTH_IN * span[1] / span[0] + 0.5) if stacked else WIDTH_IN / 3.0 * span[1] / span[0] + 0.6
+    heights = (plans, len(CHANGES) * (WIDTH_IN / len(SHOWN) * rows / columns + 0.22))
     figure = Figure((WIDTH_IN, sum(heights)), layout=ConstrainedLayoutEngine(w_pad=0.01, h_pad=0.01))
     parts = figure.add_gridspec(2, 1, height_ratios=heights)
     above, below = figure.add_subfigure(parts[0]), figure.add_subfigure(parts[1])
-    _plans(above, usual, start)
+    _plans(above, usual, start, stacked)
     grid = below.subplots(len(CHANGES), len(SHOWN))
     for axes, (change, settings) in zip(grid, CHANGES.items(), strict=True):
         frames, _ = usual(replace(start, **settings)).film(SEED)
@@ -64,14 +68,15 @@ def picture(name: str) -> Figure:
     return figure
 
 
-def _plans(figure: SubFigure, usual: type[World], start: Any) -> None:
-    """The tour, a random route, and a drive with a kidnapping and a turn by hand."""
+def _plans(figure: SubFigure, usual: type[World], start: Any, stacked: bool) -> None:
+    """The tour, a random route, and a drive with a kidnapping and a turn by hand, side by side or stacked."""
     drives = {
         "the tour": replace(start, route=replace(start.route, random=False)),
         "a random route": replace(start, route=replace(start.route, random=True)),
         "carried on at o, turned by hand at x": replace(start, kidnap_at=FRAMES // 3, turned_at=2 * FRAMES // 3),
     }
-    for axes, (title, config) in zip(figure.subplots(1, len(drives)), drives.items(), strict=True):
+    shape = (len(drives), 1) if stacked else (1, len(drives))
+    for axes, (title, config) in zip(np.ravel(figure.subplots(*shape)), drives.items(), strict=True):
         _plan(axes, usual(config), title)
 
 

@@ -67,7 +67,7 @@ class DeadReckoning:
     """
 
     Config = DeadReckoningConfig
-    estimate_rule = EstimateRule(bias=-0.32, gain=0.15, mode_radius_m=np.inf)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=-0.43, gain=0.25, mode_radius_m=np.inf)  # benchmarks/calibration.py
 
     def __init__(self, config: DeadReckoningConfig | None = None) -> None:
         self.config = config or DeadReckoningConfig()

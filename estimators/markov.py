@@ -57,7 +57,7 @@ class MarkovGrid:
     """
 
     Config = MarkovGridConfig
-    estimate_rule = EstimateRule(bias=0.92, gain=0.45, evidence_gain=0.69)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=1.02, gain=0.48, evidence_gain=0.60)  # benchmarks/calibration.py
 
     def __init__(self, config: MarkovGridConfig | None = None) -> None:
         self.config = config or MarkovGridConfig()

@@ -54,7 +54,7 @@ class ParticleFilter:
     """
 
     Config = ParticleFilterConfig
-    estimate_rule = EstimateRule(bias=1.15, gain=0.37, evidence_gain=0.50)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=0.98, gain=0.36, evidence_gain=0.63)  # benchmarks/calibration.py
 
     def __init__(self, config: ParticleFilterConfig | None = None) -> None:
         self.config = config or ParticleFilterConfig()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from topoloc.cli.localize import STEP_COLUMNS
 from topoloc.cli.main import build_app
 from topoloc.map_folder import EDGE_COLUMNS, NODE_COLUMNS, VIEW_COLUMNS
 from topoloc.metrics import METRICS
+from topoloc.settings import parse_words
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -64,3 +66,25 @@ def test_metrics_page_defines_every_metric() -> None:
     text = (ROOT / "docs" / "metrics.md").read_text()
     for metric in METRICS:
         assert f"| `{metric.name}` | {metric.unit} | {metric.definition} | {metric.better} |" in text
+
+
+def test_every_world_is_introduced_and_what_is_set_of_it_exists() -> None:
+    page = ROOT / "docs" / "worlds.md"
+    text = page.read_text()
+    for name in plugins.names(plugins.WORLDS):
+        assert f"`{name}`" in text
+        assert f"pictures/world_{name}.jpg" in text
+    for line in "".join(blocks(page, "sh")).splitlines():
+        words = shlex.split(line, comments=True)
+        if words[:2] == ["topoloc", "simulate"]:
+            chosen = [value for option, value in pairwise(words) if option == "--set"]
+            plugins.make(plugins.WORLDS, words[2], parse_words(chosen))
+
+
+def test_every_setting_that_the_page_of_worlds_names_exists() -> None:
+    table = (ROOT / "docs" / "worlds.md").read_text().partition("| setting |")[2].partition("\n\n")[0]
+    known = {setting.name for setting in plugins.settings_of(plugins.load(plugins.WORLDS, "lab"))}
+    named = [name for row in table.splitlines()[2:] for name in re.findall(r"`([^`]+)`", row.split("|")[1])]
+    assert len(named) > 15
+    for name in named:
+        assert name in known or (name.endswith(".*") and any(one.startswith(name[:-1]) for one in known)), name
