@@ -220,15 +220,6 @@ def _plant(b: Builder, thing: Thing) -> None:
         b.box(compose(pose, (0.0, 0.0, turned)), (size, size), base + low, base + high, kind, kind, kind, thing.variant)
 
 
-def _table(b: Builder, thing: Thing) -> None:
-    """A table top on four legs."""
-    pose = np.array(thing.pose)
-    b.box(pose, (1.6, 0.8), DESK_M - 0.04, DESK_M, "wood", "wood", "wood")
-    for x in (-0.74, 0.74):
-        for y in (-0.34, 0.34):
-            b.box(compose(pose, (x, y, 0.0)), (0.05, 0.05), 0.0, DESK_M - 0.04, "plastic", "plastic")
-
-
 BUILDERS: dict[str, Callable[[Builder, Thing], None]] = {
     "desk": _desk,
     "monitor": _monitor,
@@ -250,7 +241,5 @@ BUILDERS: dict[str, Callable[[Builder, Thing], None]] = {
     "lamp": _solid("plastic", (0.12, 0.12, 0.4)),
     "telephone": _solid("plastic", (0.2, 0.2, 0.07), None, "plastic"),
     "supply": _solid("computer", (0.4, 0.4, 0.6), "casing", "casing"),
-    "table": _table,
-    "counter": _solid("drawers", (0.6, 0.6, 0.9), "casing", "wood"),
 }
 """How every kind of thing is built."""

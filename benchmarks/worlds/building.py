@@ -37,7 +37,7 @@ BETWEEN_DOORS = 3
 """Corridor nodes from one door to the next."""
 RING = (1, 2, 5, 8, 7, 6, 3, 0, 1)
 """Nodes of a room, row by row from 0 to 8, in the order of a round from the door."""
-CHAIR_GAP_M = 0.9
+CHAIR_GAP_M = 1.05
 """Centre of a chair to the lines between the nodes [m]."""
 
 

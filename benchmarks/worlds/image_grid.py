@@ -24,9 +24,8 @@ from benchmarks.worlds.effects import sense
 from benchmarks.worlds.furniture import FACES_DOWN, FACES_LEFT, FACES_RIGHT, FACES_UP, Pose, workplace
 from benchmarks.worlds.light import LitRoom, light_at, tint_at
 from benchmarks.worlds.moment import Moment, as_they_stand, off_the_path
-from benchmarks.worlds.office import hall, hall_room, outside
 from benchmarks.worlds.renderer import Scene, render_cylinder
-from benchmarks.worlds.rooms import door_gap, room, window_gap
+from benchmarks.worlds.rooms import door_gap, hall, hall_room, outside, room, window_gap
 from benchmarks.worlds.settings import WorldSettings
 from benchmarks.worlds.snapshots import Scan
 from benchmarks.worlds.world import MAP_RNG, Place, Shot, World, covered_picture, effects_at

@@ -14,6 +14,8 @@ TUBE_POWER = 0.35
 BULB_POWER, BULB_HEIGHT_M = 1.0, 2.1
 DAYLIGHT_FACTOR = 3.0
 """Windows under open curtains against those when the map was made."""
+ON_THE_WALL_M = 0.04
+"""What is no farther outside of a room is lit with it; the next room begins behind the wall [m]."""
 AMBIENT, AMBIENT_BULBS, AMBIENT_DAYLIGHT = 0.42, 0.3, 0.34
 PATCHES_AGED = 0.15
 """Standard deviation of the logarithm of the brightness at the corners of surfaces, once the sun has come round: it
@@ -72,7 +74,8 @@ class Light:
         squared = np.sum(ray**2, axis=2)
         facing = np.sum(ray * normals[:, None, :], axis=2) / np.sqrt(squared + 1e-6)
         soft = np.clip(0.35 + 0.65 * facing, 0.05, 1.0) / (1.0 + squared / 6.0)
-        inside = (points[:, None, :2] >= self.bounds[:, :2] - 0.1) & (points[:, None, :2] <= self.bounds[:, 2:] + 0.1)
+        low, high = self.bounds[:, :2] - ON_THE_WALL_M, self.bounds[:, 2:] + ON_THE_WALL_M
+        inside = (points[:, None, :2] >= low) & (points[:, None, :2] <= high)
         return np.asarray(np.minimum(self.ambient + (soft * inside.all(axis=2)) @ self.power, 1.25))
 
     def on_faces(self, ends: Floats, heights: Floats) -> Floats:

@@ -25,7 +25,7 @@ from benchmarks.worlds.furniture import FACES_DOWN, FACES_LEFT, FACES_RIGHT, FAC
 from benchmarks.worlds.light import LitRoom, light_at
 from benchmarks.worlds.moment import Moment, as_they_stand, off_the_path
 from benchmarks.worlds.renderer import Scene
-from benchmarks.worlds.rooms import WALL_M, door, door_gap, room, window_gap
+from benchmarks.worlds.rooms import door_gap, hall, hall_room, outside, room, window_gap
 from benchmarks.worlds.settings import WorldSettings
 from benchmarks.worlds.snapshots import Scan
 from benchmarks.worlds.world import MAP_RNG, Place, Shot, World
@@ -43,8 +43,6 @@ PAN_FRAMES = 8
 """Frames of one sweep of the head, there and back."""
 CHAIR_GAP_M = CLEAR_M + 0.45
 """Middle of a chair, however it is turned, to the ways between positions [m]."""
-HALL_M = 1.8
-"""Depth of the hall behind the door [m]."""
 MOST_DRAWN, LEAST_DRAWN = 0.95, 0.65
 """Share of a window behind the curtains while the lamps are on."""
 WINDOW_POWER, WINDOW_POWER_AGED = 0.12, 0.3
@@ -223,34 +221,6 @@ def _curtains(b: Builder, x: float, wall_y: float, drawn: float) -> None:
     for side, start in enumerate((-1.1, 1.1 - 1.1 * drawn)):
         left, right = np.array([x + start, wall_y - 0.2]), np.array([x + start + 1.1 * drawn, wall_y - 0.2])
         b.face(left, right, 0.6, 2.5, "curtain", side)
-
-
-def outside(b: Builder, windows: Sequence[float], wall_y: float) -> None:
-    """What windows at these x of the top wall look at, and what closes the slits around radiators and lintels."""
-    middle = float(np.mean(windows))
-    corners = np.array([(middle + x, wall_y + y) for x, y in ((-13.0, 0.1), (-13.0, 9.0), (13.0, 9.0), (13.0, 0.1))])
-    for number, (start, end) in enumerate(pairwise(corners)):
-        b.glowing(start, end, -9.0, 12.0, "outside", number)
-    for x in windows:
-        left, right = np.array([x - 1.1, wall_y + 0.05]), np.array([x + 1.1, wall_y + 0.05])
-        b.face(left, right, 0.0, 0.94, "plaster")
-        b.face(left, right, 2.4, CEILING_M, "plaster")
-        b.plane(np.array([x, wall_y + 0.03, 0.0]), (2.2, 0.06), 0.0, "plaster")
-
-
-def hall_room(wall_x: float, door_y: float) -> LitRoom:
-    """The small hall behind a door in a left wall."""
-    right = wall_x - WALL_M
-    middle = (right - HALL_M / 2.0, door_y)
-    bounds = (right - HALL_M, door_y - 1.6, right, door_y + 1.6)
-    return LitRoom(bounds, [(*middle, CEILING_M - 0.1)], [middle])
-
-
-def hall(b: Builder, wall_x: float, door_y: float, opened: float) -> None:
-    """The hall and its door, open 0 to 1; the gap in the wall before it is the caller's."""
-    bounds = hall_room(wall_x, door_y).bounds
-    room(b, bounds, ("brick", "plaster", "plaster", "plaster"), [door_gap(bounds[2], door_y)])
-    door(b, (wall_x - WALL_M / 2.0, door_y, FACES_LEFT), opened)
 
 
 def _rooms(plan: Plan) -> tuple[LitRoom, LitRoom]:

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from benchmarks.worlds.builders import CEILING_M, Builder
+from benchmarks.worlds.furniture import FACES_LEFT
+from benchmarks.worlds.light import LitRoom
 from topoloc.geometry import Floats, compose
 
 DOOR_WIDTH_M, DOOR_HEIGHT_M, WINDOW_WIDTH_M = 0.95, 2.08, 2.0
+HALL_M = 1.8
+"""Depth of the hall behind the door [m]."""
 WALL_M = 0.1
 """Thickness of the walls between rooms."""
 WIDE_OPEN = np.deg2rad(105.0)
@@ -119,3 +124,31 @@ def sky(b: Builder, position: tuple[float, float], facing: float, number: int) -
     for place, shift in enumerate((-22.0, 0.0, 22.0)):
         ends = compose((*position, facing), np.array([(shift - 11.0, 0.0, 0.0), (shift + 11.0, 0.0, 0.0)]))
         b.glowing(ends[0], ends[1], -9.0, 9.0, "outside", number + place)
+
+
+def outside(b: Builder, windows: Sequence[float], wall_y: float) -> None:
+    """What windows at these x of the top wall look at, and what closes the slits around radiators and lintels."""
+    middle = float(np.mean(windows))
+    corners = np.array([(middle + x, wall_y + y) for x, y in ((-13.0, 0.1), (-13.0, 9.0), (13.0, 9.0), (13.0, 0.1))])
+    for number, (start, end) in enumerate(pairwise(corners)):
+        b.glowing(start, end, -9.0, 12.0, "outside", number)
+    for x in windows:
+        left, right = np.array([x - 1.1, wall_y + 0.05]), np.array([x + 1.1, wall_y + 0.05])
+        b.face(left, right, 0.0, 0.94, "plaster")
+        b.face(left, right, 2.4, CEILING_M, "plaster")
+        b.plane(np.array([x, wall_y + 0.03, 0.0]), (2.2, 0.06), 0.0, "plaster")
+
+
+def hall_room(wall_x: float, door_y: float) -> LitRoom:
+    """The small hall behind a door in a left wall."""
+    right = wall_x - WALL_M
+    middle = (right - HALL_M / 2.0, door_y)
+    bounds = (right - HALL_M, door_y - 1.6, right, door_y + 1.6)
+    return LitRoom(bounds, [(*middle, CEILING_M - 0.1)], [middle])
+
+
+def hall(b: Builder, wall_x: float, door_y: float, opened: float) -> None:
+    """The hall and its door, open 0 to 1; the gap in the wall before it is the caller's."""
+    bounds = hall_room(wall_x, door_y).bounds
+    room(b, bounds, ("brick", "plaster", "plaster", "plaster"), [door_gap(bounds[2], door_y)])
+    door(b, (wall_x - WALL_M / 2.0, door_y, FACES_LEFT), opened)

@@ -41,8 +41,6 @@ START = 3
 """Index of the node that the drive starts on: in the corridor, which the robot knows again."""
 CHAIR_GAP_M = 0.95
 """Centre of a chair to the lines between the nodes [m]."""
-SPREAD_M = 0.05
-"""Lamps light less than their room by this much, or those of one would reach the other side of a common wall [m]."""
 WINDOWS = (1.25, 3.35)
 """Middles of a room's windows, in the wall opposite to the door [m from its corner]."""
 
@@ -105,7 +103,7 @@ def _lights() -> list[LitRoom]:
     spots = (1.3, SIDE_M - 1.3)
     rooms = [
         LitRoom(
-            _lit((x, 0.0, x + SIDE_M, SIDE_M)),
+            (x, 0.0, x + SIDE_M, SIDE_M),
             tubes=[(x + across, y, CEILING_M - 0.1) for across in spots for y in spots],
             bulbs=[(x + 0.6, SIDE_M - 0.8), (x + SIDE_M - 0.6, 1.6)],
             windows=[(x + WINDOWS[0], SIDE_M - 0.2, 1.8, 0.55, 0.15), (x + WINDOWS[1], SIDE_M - 0.2, 1.8, 0.35, 0.25)],
@@ -114,13 +112,7 @@ def _lights() -> list[LitRoom]:
     ]
     lamps = np.linspace(CORRIDOR[0] + 1.2, CORRIDOR[2] - 1.2, 6)
     tubes = [(float(x), CORRIDOR_Y, CEILING_M - 0.1) for x in lamps]
-    return [*rooms, LitRoom(_lit(CORRIDOR), tubes, [(float(x) + 0.8, CORRIDOR_Y + 0.6) for x in lamps])]
-
-
-def _lit(bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
-    """What the lamps of a room light, x0, y0, x1, y1 [m]."""
-    x0, y0, x1, y1 = bounds
-    return x0 + SPREAD_M, y0 + SPREAD_M, x1 - SPREAD_M, y1 - SPREAD_M
+    return [*rooms, LitRoom(CORRIDOR, tubes, [(float(x) + 0.8, CORRIDOR_Y + 0.6) for x in lamps])]
 
 
 @lru_cache(maxsize=8)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from oracles.clearance import distance_to_segments
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -14,13 +15,6 @@ from benchmarks.worlds.renderer import render_depth
 from topoloc.geometry import Floats
 
 OPEN = Moment(doors=1.0)
-
-
-def distance_to_segments(points: Floats, ends: Floats) -> Floats:
-    along = ends[:, 2:] - ends[:, :2]
-    offset = points[:, None, :] - ends[:, :2]
-    share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(offset - share[..., None] * along, axis=2))
 
 
 def crossings(segments: Floats, walls: Floats) -> int:
@@ -60,15 +54,16 @@ def test_no_edge_leads_through_a_wall() -> None:
     assert crossings(through, walls) == 1
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("moment", [OPEN, Moment(age=1.0, doors=1.0, seated=1.0)])
 @pytest.mark.parametrize("random", [False, True])
-def test_the_robot_touches_nothing(seed: int, random: bool) -> None:
+def test_the_robot_touches_nothing(random: bool, moment: Moment) -> None:
     route = Route(step_m=0.06, step_spread_m=0.0, random=random)
-    world = BuildingWorld(BuildingSettings(rooms=4, updates=1500, route=route))
-    faces = building_scene(4, seed, OPEN).faces
-    standing = faces.ends[faces.heights[:, 0] < 1.2]
-    path = world.drive(seed)[1]
-    assert distance_to_segments(path[:, :2], standing).min() > 0.2
+    world = BuildingWorld(BuildingSettings(rooms=8, updates=2500, route=route))
+    for seed in range(2):
+        faces = building_scene(8, seed, moment).faces
+        standing = faces.ends[faces.heights[:, 0] < 1.2]
+        path = world.drive(seed)[1]
+        assert distance_to_segments(path[:, :2], standing).min() > 0.2
 
 
 def test_a_seed_repeats_and_another_furnishes_otherwise() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles.clearance import distance_to_segments
 
 from benchmarks.worlds.drive import Route, drive, frames_per_tour, wander
 from benchmarks.worlds.lab import LAB_PLACES, LabWorld
@@ -95,13 +96,6 @@ def test_a_random_drive_goes_along_edges_and_passes_every_node_at_its_distance(s
     assert step.max() < 0.1001 * spacing
     to_hub = distance_to_segments(path[:, :2], np.array([[*places[1], *end] for end in places]))
     assert to_hub.min(axis=1).max() < 0.35 * spacing
-
-
-def distance_to_segments(points: Floats, ends: Floats) -> Floats:
-    along = ends[:, 2:] - ends[:, :2]
-    offset = points[:, None, :] - ends[:, :2]
-    share = np.clip((offset * along).sum(axis=2) / np.maximum((along**2).sum(axis=1), 1e-12), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(offset - share[..., None] * along, axis=2))
 
 
 def test_two_random_drives_differ_and_one_seed_repeats() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from oracles.clearance import distance_to_segments
 
 from benchmarks.worlds import LabCorridorWorld, LabWorld, Moment, lab_scene, render_frame
 from benchmarks.worlds.drive import Route, drive
@@ -18,13 +19,6 @@ CAMERA = Camera()
 LOOP = np.array([(place.x, place.y) for place in LAB_PLACES])
 TO_DOOR = np.array([LEFT + 3.0, DOOR_Y, np.pi])
 TO_WINDOWS = np.array([0.0, 0.5, np.pi / 3.0])
-
-
-def distance_to_segments(points: Floats, ends: Floats) -> Floats:
-    along = ends[:, 2:] - ends[:, :2]
-    offset = points[:, None, :] - ends[:, :2]
-    share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(offset - share[..., None] * along, axis=2))
 
 
 def view(pose: Floats, moment: Moment | None = None, seed: int = 3) -> Image:

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from oracles.clearance import distance_to_segments
 
 from benchmarks.worlds import Moment, SensorEffects, panorama_of
 from benchmarks.worlds.drive import Route, drive
@@ -21,17 +22,9 @@ from benchmarks.worlds.twins import (
 )
 from sensors import IMA
 from topoloc import plugins
-from topoloc.geometry import Floats
 from topoloc.localizer import Localizer
 
 EXACT = Scan(placement_noise_columns=0.0, shake_px=0.0)
-
-
-def distance_to_segments(points: Floats, ends: Floats) -> Floats:
-    along = ends[:, 2:] - ends[:, :2]
-    offset = points[:, None, :] - ends[:, :2]
-    share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(offset - share[..., None] * along, axis=2))
 
 
 def test_the_rooms_are_twelve_metres_apart_and_otherwise_alike() -> None:
