@@ -39,7 +39,7 @@ class ColorHistogramConfig:
     neighbours: int = 10
     blind_deviation: float = 6.0
     slope: float = 2.4
-    margin: float = -0.298
+    margin: float = -0.296
     sigma_m: float = 0.6
     kappa: float = 20.0
     log_floor: float = -1.5

@@ -48,7 +48,7 @@ class IMAConfig:
     clahe_tiles: int = THESIS.clahe_tiles
     flat_variance: float = 1.0 / 12.0
     blind_deviation: float = 2.0
-    slope: float = 13.1
+    slope: float = 12.7
     margin: float = 0.072
     sigma_m: float = 0.4
     kappa: float = 50.0

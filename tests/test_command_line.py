@@ -605,7 +605,7 @@ def test_from_nothing_to_a_located_robot(tmp_path: Path) -> None:
 
 WORLDS = {
     "lab": ["turned_at=1", "stereo_baseline_m=0.12", "depth=true"],
-    "lab_corridor": ["age=0.5", "people=0.5", "doors=0.7"],
+    "lab_corridor": ["age=0.5", "people=0.5", "doors=0.9", "covered=none"],
     "office": ["bulbs=0.6"],
     "image_grid": ["grid=6x8", "daylight=0.5"],
     "twins": ["age=0.5", "route.random=true"],
@@ -613,7 +613,9 @@ WORLDS = {
 }
 
 
-@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize(
+    "world", [pytest.param(name, marks=pytest.mark.slow) if name in ("building", "twins") else name for name in WORLDS]
+)
 def test_every_world_is_written_and_read_back(world: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Map and recording are what the world makes, and ``check`` finds nothing wrong with them."""
     settings = ["updates=3", *WORLDS[world]]
@@ -649,6 +651,9 @@ def test_every_world_is_written_and_read_back(world: str, tmp_path: Path, capsys
         ("image_grid", "grid=7x7", "'7x7'.*35x10"),
         ("image_grid", "depth=true", "depth is True"),
         ("building", "rooms=3", "rooms is 3"),
+        ("lab_corridor", "doors=0.5", "doors is 0.5.*0.9 to 1"),
+        ("lab", "drift.curvature_sd_deg=-1", "curvature_sd_deg is -1"),
+        ("office", "scan.short_deg=10", "scan is set"),
         ("office", "pan_deg=400", "pan_deg is 400"),
     ],
 )

@@ -73,7 +73,7 @@ def make_estimator(name: str, settings: Mapping[str, Any] | None = None) -> Esti
 
 
 def options(thing: Any) -> dict[str, Any]:
-    """Name and default of each setting of a class, or of a function that takes its settings as ``config``."""
+    """Name and default of each setting of a class that has a ``Config``."""
     config = getattr(thing, "Config", None)
     if config is None:
         return {}

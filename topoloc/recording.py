@@ -33,6 +33,10 @@ class LazyImages(Mapping[str, Pixels]):
             self._images[kind] = self._readers[kind]()
         return self._images[kind]
 
+    def forget(self) -> None:
+        """Let go of what was read; it is read again when asked for again."""
+        self._images.clear()
+
     def __contains__(self, kind: object) -> bool:
         return kind in self._readers
 

@@ -46,7 +46,8 @@ class RecordingWriter:
         """Write a frame's pictures, and keep its odometry and true pose (3,) for the lists.
 
         Raises:
-            ValueError: the pictures are not of the first frame's kinds, or the camera moved on the robot.
+            ValueError: the pictures are not of the first frame's kinds, the camera moved on the robot, or the time
+                does not follow that of the frame before.
         """
         if not self._times:
             self._kinds = _kinds_of(frame)
@@ -54,9 +55,12 @@ class RecordingWriter:
             raise ValueError(f"a frame has {sorted(frame.images)}, the first {sorted(self._kinds)}; give all the same")
         elif np.abs(frame.camera[:2] - self._cameras[0][:2]).max() > STILL:
             raise ValueError("the camera moved on the robot; a pan head turns it about its own axis")
-        for kind in self._kinds:
-            image = frame.images[kind]
+        elif round(frame.timestamp, 6) <= round(self._times[-1], 6):
+            raise ValueError(f"time {frame.timestamp:.6f} does not follow {self._times[-1]:.6f}; add frames in time")
+        images = {kind: frame.images[kind] for kind in self._kinds}
+        for kind, image in images.items():
             _check_pixels(image, kind)
+        for kind, image in images.items():
             write_image(self._folder / _picture_name(kind, len(self._times)), image)
         self._times.append(frame.timestamp)
         self._cameras.append(frame.camera)

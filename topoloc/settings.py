@@ -76,7 +76,7 @@ def convert(value: Any, kind: Any, where: str) -> Any:
     if get_origin(kind) is Literal and value not in get_args(kind):
         raise UserError(f"{where} is {value!r}; choose from: {', '.join(map(str, get_args(kind)))}")
     if get_origin(kind) is tuple:
-        items = [word for word in value.split(",") if word] if isinstance(value, str) else value
+        items = [word for word in value.split(",") if word not in ("", "none")] if isinstance(value, str) else value
         if not isinstance(items, list | tuple):
             raise UserError(f"{where} is {value!r}; write a list")
         return tuple(convert(item, get_args(kind)[0], where) for item in items)

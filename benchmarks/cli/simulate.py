@@ -29,6 +29,7 @@ def simulate(
     from topoloc import plugins
     from topoloc.cli.progress import track
     from topoloc.files import new_folder, refuse_to_overwrite
+    from topoloc.recording import LazyImages
     from topoloc.recording_folder import RecordingWriter
     from topoloc.settings import parse_words
 
@@ -42,6 +43,8 @@ def simulate(
         writer = RecordingWriter(folder / "recording", made.topo_map.camera, baseline_m=baseline, panorama=panorama)
         for frame, pose in track(list(zip(made.frames, made.truth, strict=True)), "rendering frames"):
             writer.add(frame, pose)
+            if isinstance(frame.images, LazyImages):
+                frame.images.forget()  # or a long recording would fill memory
         writer.close()
     print(f"{output / 'map'}: {_contents(made.topo_map)} (simulated)")
     print(f"{output / 'recording'}: {len(made.frames)} frames with odometry and ground truth (simulated)")

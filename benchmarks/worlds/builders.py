@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.worlds.chance import Stream, generator
 from benchmarks.worlds.renderer import Atlas, Faces, Planes, Scene
 from benchmarks.worlds.textures import KINDS, texture_set
 from topoloc.geometry import Floats, compose
@@ -43,7 +44,7 @@ class Thing:
 @lru_cache(maxsize=2)
 def world_atlas(seed: int) -> tuple[Atlas, dict[str, list[int]]]:
     """All textures of a seed, and their indices in the atlas by kind."""
-    images = texture_set(np.random.default_rng([seed, 1]))
+    images = texture_set(generator(seed, Stream.TEXTURES))
     index, count = {}, 0
     for kind in KINDS:
         index[kind] = list(range(count, count + len(images[kind])))
@@ -132,6 +133,9 @@ class Builder:
         shade = light.at(above, np.tile((0.0, 0.0, 1.0), (len(above), 1)))
         texture = plane[:, 6].astype(np.int64)
         planes = Planes(plane[:, :2], plane[:, 2:4], plane[:, 4], plane[:, 5], texture, plane[:, 7], shade)
+        for part in (faces, planes):
+            for values in vars(part).values():
+                values.setflags(write=False)  # scenes are kept and shared
         return Scene(self._atlas, faces, planes)
 
 
@@ -164,8 +168,9 @@ def _chair(b: Builder, thing: Thing) -> None:
     b.box(compose(pose, (0.0, -0.22, 0.0)), (0.43, 0.07), 0.62, 1.04, "cloth", "cloth", "cloth")
 
 
-def _sitter(b: Builder, thing: Thing) -> None:
-    """Someone on a chair: trunk and head above its seat, turned as the chair is."""
+def _taken_chair(b: Builder, thing: Thing) -> None:
+    """A chair with someone on it: trunk and head above its seat, turned as the chair is."""
+    _chair(b, thing)
     pose = compose(np.array(thing.pose), (0.0, 0.02, np.pi))
     b.box(pose, (0.42, 0.24), 0.5, 1.06, "shirt", "shirt", "shirt", thing.variant)
     b.box(pose, (0.18, 0.19), 1.06, 1.32, "head", "head", "head", thing.variant)
@@ -224,7 +229,7 @@ BUILDERS: dict[str, Callable[[Builder, Thing], None]] = {
     "desk": _desk,
     "monitor": _monitor,
     "chair": _chair,
-    "sitter": _sitter,
+    "taken_chair": _taken_chair,
     "window": _window,
     "poster": _flat("poster", 0.6, 0.85),
     "whiteboard": _flat("whiteboard", 1.5, 1.0),

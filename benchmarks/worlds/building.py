@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from benchmarks.worlds.builders import CEILING_M, Builder, Thing
+from benchmarks.worlds.chance import Stream, generator
 from benchmarks.worlds.drive import Route
 from benchmarks.worlds.furniture import FACES_DOWN, FACES_LEFT, FACES_RIGHT, FACES_UP, workplace
 from benchmarks.worlds.light import LitRoom, light_at
@@ -25,6 +26,8 @@ from benchmarks.worlds.world import Place, World
 from topoloc.geometry import Floats, compose
 from topoloc.types import Ints
 
+MOST_ROOMS = 100
+"""More would not fit into memory: nine panoramas of 3 MB a room."""
 WIDTH_M, DEPTH_M = 4.8, 5.7
 """Of a room, along the corridor and away from it [m]."""
 PITCH_M = WIDTH_M + WALL_M
@@ -59,8 +62,8 @@ class BuildingSettings(WorldSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.rooms < 4 or self.rooms % 2 or self.rooms > 400:
-            raise ValueError(f"rooms is {self.rooms}; write an even number from 4 to 400")
+        if self.rooms < 4 or self.rooms % 2 or self.rooms > MOST_ROOMS:
+            raise ValueError(f"rooms is {self.rooms}; write an even number from 4 to {MOST_ROOMS}")
 
 
 def _office(rng: np.random.Generator) -> Iterator[Thing]:
@@ -132,10 +135,10 @@ def _there(frame: Floats, x: float, y: float) -> tuple[float, float]:
 
 def _things(number: int, seed: int, moment: Moment) -> Iterator[Thing]:
     """What stands in a room, in the map frame."""
-    rng, frame = np.random.default_rng([seed, 2, number]), _frame(number)
+    rng, frame = generator(seed, Stream.FURNITURE, number), _frame(number)
     things = [*KINDS[int(rng.integers(len(KINDS)))](rng)]
     things += [Thing("window", (x, DEPTH_M, FACES_DOWN), 0.0, int(rng.choice([0, 0, 25, 40]))) for x in WINDOWS_X]
-    later = as_they_stand(things, moment, np.random.default_rng([seed, 3, number]))
+    later = as_they_stand(things, moment, generator(seed, Stream.LATER, number))
     for thing in off_the_path(later, _legs(), CHAIR_GAP_M):
         x, y, yaw = compose(frame, np.array(thing.pose))
         yield replace(thing, pose=(float(x), float(y), float(yaw)))
@@ -199,7 +202,7 @@ def building_scene(rooms: int, seed: int, moment: Moment) -> Scene:
             b.thing(thing)
     bounds = _corridor(rooms)
     room(b, bounds, ("brick", "plaster", "brick", "plaster"), gaps)
-    for thing in _in_the_corridor(rooms, np.random.default_rng([seed, 8])):
+    for thing in _in_the_corridor(rooms, generator(seed, Stream.FURNITURE)):
         b.thing(thing)
     _outside(b, bounds[2])
     lamps = [*(_lit(number) for number in range(rooms)), _lit_corridor(rooms)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,6 +17,8 @@ FINE_M = 0.005
 """Spacing at which the path is measured before it is sampled [m]."""
 FINE_RAD = np.deg2rad(1.0)
 """The same of a turn on the spot [rad]."""
+SPARE_NODES = 8
+"""A random way is drawn this many nodes longer at least, and twice as long each time that it ends too soon."""
 TURNS_BACK = np.deg2rad(150.0)
 """Where the next leg turns this far from the last one, the robot turns on the spot [rad]."""
 GATE_REACH_M = 0.4
@@ -164,9 +167,10 @@ def drive(
         (frames, 3) poses of the robot's axis of rotation [m, m, rad, map frame], heading along the path.
     """
     route = route or Route()
-    rounds = int(np.ceil(frames / frames_per_tour(tour, route, pace) * (1.0 + route.step_spread_m))) + 1
-    places = np.tile(tour, (rounds + 1, 1))
-    return _sampled(places, frames, rng, route, pace, gates)
+    rounds = int(np.ceil(frames / frames_per_tour(tour, route, pace) * (1.0 + route.step_spread_m))) + 2
+    poses = _sampled(np.tile(tour, (rounds, 1)), frames, rng, route, pace, gates)
+    assert poses is not None
+    return poses
 
 
 def wander(
@@ -194,24 +198,31 @@ def wander(
     Returns:
         (frames, 3) poses of the robot's axis of rotation [m, m, rad, map frame].
     """
-    route = route or Route()
-    order, gone, fastest = [start], 0.0, 1.0 if pace is None else float(pace(places).max())
-    while gone < frames * (route.step_m + route.step_spread_m) * fastest + 2.0 or len(order) < 3:
-        before = order[-2] if len(order) > 1 else -1
-        ways = [int(node) for node in neighbours[order[-1]] if node != before] or [before]
-        order.append(ways[int(rng.integers(len(ways)))])
-        gone += float(np.linalg.norm(places[order[-1]] - places[order[-2]]))
-    return _sampled(places[order], frames, rng, route, pace, gates)
+    if not all(len(others) for others in neighbours):
+        raise ValueError("a node has no neighbour; a random route needs a way from each to another")
+    way, bends = rng.spawn(2)
+    order, route = [start], route or Route()
+    while True:
+        for _ in range(len(order) + SPARE_NODES):
+            before = order[-2] if len(order) > 1 else -1
+            ways = [int(node) for node in neighbours[order[-1]] if node != before] or [before]
+            order.append(ways[int(way.integers(len(ways)))])
+        poses = _sampled(places[order], frames, deepcopy(bends), route, pace, gates)
+        if poses is not None:
+            return poses
 
 
 def _sampled(
     places: Floats, frames: int, rng: np.random.Generator, route: Route, pace: Pace | None, gates: Floats | None
-) -> Floats:
-    """Poses (frames, 3) at the places where frames are taken on the way past nodes (K, 2)."""
-    path = path_past(places, rng.uniform(route.nearest_m, route.farthest_m, len(places)), gates)
+) -> Floats | None:
+    """Poses (frames, 3) at the places where frames are taken on the way past nodes (K, 2); None: it is too short."""
+    near, far = rng.spawn(2)  # apart, so that a longer drive begins as a shorter one does
+    path = path_past(places, near.uniform(route.nearest_m, route.farthest_m, len(places)), gates)
     spread = route.step_spread_m / route.step_m
-    at = np.concatenate([[0.0], np.cumsum(rng.uniform(1.0 - spread, 1.0 + spread, frames - 1))])
+    at = np.concatenate([[0.0], np.cumsum(far.uniform(1.0 - spread, 1.0 + spread, frames - 1))])
     done = progress(path, route, pace)
+    if done[-1] < at[-1]:
+        return None
     x, y, heading = (np.interp(at, done, values) for values in (path[:, 0], path[:, 1], np.unwrap(path[:, 2])))
     return np.column_stack([x, y, wrap(heading)])
 

@@ -67,6 +67,7 @@ def sense(
     rng: np.random.Generator,
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0),
     still: bool = False,
+    noise_rng: np.random.Generator | None = None,
 ) -> Image:
     """The picture as the sensor delivers it.
 
@@ -76,6 +77,7 @@ def sense(
         rng: the same number of draws is taken whatever the effects, so that one can be changed alone.
         tint: colour of the light, a factor of red, green and blue.
         still: the camera stands: no motion blur.
+        noise_rng: draws the noise; None: ``rng`` does. Two eyes of one body share all but this.
 
     Returns:
         (rows, cols, 3) uint8 RGB.
@@ -83,7 +85,7 @@ def sense(
     chance = float(np.exp(effects.exposure_sd * rng.standard_normal()))
     streak = 2.0 * effects.motion_blur_px * rng.random() * (not still)
     bank = _noise_bank(max(_NOISE_SAMPLES, 2 * image.size))
-    first = int(rng.integers(0, len(bank) - image.size))
+    first = int((noise_rng or rng).integers(0, len(bank) - image.size))
     noise = bank[first : first + image.size].reshape(image.shape)
     picture = _with_glare(_blurred(image, effects.blur_px, streak), effects.glare)
     light = _vignette(*image.shape[:2], effects.vignette, tint)

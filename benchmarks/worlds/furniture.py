@@ -28,9 +28,8 @@ def workplace(desk: Pose, number: int, rng: np.random.Generator) -> Iterator[Thi
     yield Thing("monitor", on(side * rng.uniform(0.0, 0.25), 0.1, rng.normal(0.0, 0.15)), DESK_M)
     yield Thing("computer", on(side * rng.uniform(0.55, 0.68), 0.1), DESK_M)
     chair = on(rng.normal(0.0, 0.15), -0.4, rng.normal(0.0, 0.5))
-    yield Thing("chair", chair, 0.0, 0, True)
-    if rng.random() < SEATED:
-        yield Thing("sitter", chair, 0.0, int(rng.integers(8)), True)
+    kind, who = "taken_chair" if rng.random() < SEATED else "chair", int(rng.integers(8))
+    yield Thing(kind, chair, 0.0, who, True)
     clutter = rng.permutation(["papers", "books", "carton", "plant", "lamp", "telephone", "papers"])[:4]
     for kind, x in zip(clutter, (-0.66, -0.45, -0.3, -0.55), strict=True):
         y = float(rng.uniform(-0.25, 0.25))

@@ -19,6 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from benchmarks.worlds.builders import CEILING_M, Builder, Thing
+from benchmarks.worlds.chance import Stream, generator
 from benchmarks.worlds.drive import Route
 from benchmarks.worlds.effects import sense
 from benchmarks.worlds.furniture import FACES_DOWN, FACES_LEFT, FACES_RIGHT, FACES_UP, Pose, workplace
@@ -28,7 +29,7 @@ from benchmarks.worlds.renderer import Scene, render_cylinder
 from benchmarks.worlds.rooms import door_gap, hall, hall_room, outside, room, window_gap
 from benchmarks.worlds.settings import WorldSettings
 from benchmarks.worlds.snapshots import Scan
-from benchmarks.worlds.world import MAP_RNG, Place, Shot, World, covered_picture, effects_at
+from benchmarks.worlds.world import Place, Shot, World, covered_picture, effects_at
 from topoloc.geometry import Floats, compose
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Image, Ints, Pixels
@@ -165,7 +166,7 @@ def grid_scene(grid: Grid, seed: int, moment: Moment | None = None) -> Scene:
     """
     moment, inside = moment or Moment(), HALL if grid.in_hall else LAB
     x0, _, _, y1 = inside.bounds
-    rng = np.random.default_rng([seed, 2])
+    rng = generator(seed, Stream.FURNITURE)
     things = [thing for number, desk in enumerate(inside.desks) for thing in workplace(desk, number, rng)]
     things += [*inside.things, *(Thing("window", (x, y1, FACES_DOWN), 0.0, 0) for x in inside.windows)]
     b = Builder(seed)
@@ -173,7 +174,7 @@ def grid_scene(grid: Grid, seed: int, moment: Moment | None = None) -> Scene:
     outside(b, inside.windows, y1)
     hall(b, x0, inside.door_y, moment.doors)
     lines = points_of(grid)[neighbours_of(grid)].reshape(-1, 4)
-    later = as_they_stand(things, moment, np.random.default_rng([seed, 3]))
+    later = as_they_stand(things, moment, generator(seed, Stream.LATER))
     for thing in off_the_path(later, lines, CHAIR_GAP_M):
         b.thing(thing)
     return b.scene(light_at((_lamps(inside), hall_room(x0, inside.door_y)), moment, seed))
@@ -247,7 +248,9 @@ class ImageGridSettings(WorldSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        unused: dict[str, Any] = {"stereo_baseline_m": 0.0, "depth": False, "scan": Scan()}
+        if self.scan != Scan():
+            raise ValueError("scan is set; full circles are taken at once: leave all of scan out")
+        unused: dict[str, Any] = {"stereo_baseline_m": 0.0, "depth": False}
         unused |= dict.fromkeys(("shake_px", "turning_shake_px", "grille_shake_px"), 0.0)
         for name, value in unused.items():
             if getattr(self, name) != value:
@@ -313,10 +316,10 @@ class ImageGridWorld(World):
         scene = self.scene(seed, moment)
         for number, place in enumerate(self.places):
             camera = compose((place.x, place.y, HEADING), self.mount)
-            rng = np.random.default_rng([seed, MAP_RNG, number])
+            rng = generator(seed, Stream.MAP, number)
             nodes.append(Node(*place, HEADING, self._circle(scene, camera, moment, rng, still=True)))
         name = f"{self.title} {self.config.grid}, {len(nodes)} panoramas (simulated)"
-        return TopoMap(name, self.camera, tuple(nodes), self.edges(), self.free())
+        return TopoMap(name, self.camera, tuple(nodes), self.edges())
 
     def readers(self, shot: Shot) -> Mapping[str, Callable[[], Pixels]]:
         """What makes a frame's full circle."""
@@ -324,12 +327,12 @@ class ImageGridWorld(World):
 
     def _omni(self, shot: Shot) -> Image:
         """A frame's full circle, (56, 256, 3); column 0's left edge looks along the camera's heading."""
-        rng = np.random.default_rng([*shot.seed, 0])
+        rng = generator(shot.seed, Stream.FRAME, shot.number)
         if shot.covered:
             image = covered_picture((self.camera.height, self.camera.panorama_columns()), rng)
             image.setflags(write=False)
             return image
-        return self._circle(shot.scene, shot.pose, self.config.now(), rng, shot.still)
+        return self._circle(shot.view(), shot.pose, self.config.now(), rng, shot.still)
 
     def _circle(self, scene: Scene, pose: Floats, moment: Moment, rng: np.random.Generator, still: bool) -> Image:
         """A full circle as the sensor delivers it, without a seam."""

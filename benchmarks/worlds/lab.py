@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from benchmarks.worlds.builders import CEILING_M, Builder, Thing
+from benchmarks.worlds.chance import Stream, generator
 from benchmarks.worlds.furniture import FACES_DOWN, FACES_LEFT, FACES_RIGHT, FACES_UP, workplace
 from benchmarks.worlds.light import LitRoom, light_at
 from benchmarks.worlds.moment import Moment, as_they_stand, off_the_path
@@ -155,7 +156,7 @@ def lab_scene(seed: int, moment: Moment | None = None) -> Scene:
         moment: when; None is when the map was made, with the doors closed.
     """
     moment = moment or Moment()
-    things = as_they_stand(furniture(np.random.default_rng([seed, 2])), moment, np.random.default_rng([seed, 3]))
+    things = as_they_stand(furniture(generator(seed, Stream.FURNITURE)), moment, generator(seed, Stream.LATER))
     b = Builder(seed)
     _laboratory(b)
     doors: list[Opening] = [door_gap(x, DOOR_Y) for x in (ENTRY[2], ENTRY[0], CORRIDOR[2])]
@@ -163,7 +164,7 @@ def lab_scene(seed: int, moment: Moment | None = None) -> Scene:
     room(b, CORRIDOR, ("plaster", "brick", "plaster", "plaster"), doors)
     for number, x in enumerate(DOORS_X):
         door(b, (x, DOOR_Y, FACES_LEFT), moment.doors, number)
-    for thing in [*off_the_path(things, _legs(), CHAIR_GAP_M), *beyond(np.random.default_rng([seed, 8]))]:
+    for thing in [*off_the_path(things, _legs(), CHAIR_GAP_M), *beyond(generator(seed, Stream.FURNITURE, 0))]:
         b.thing(thing)
     return b.scene(light_at((_LAB_ROOM, _ENTRY_ROOM, _CORRIDOR_ROOM), moment, seed))
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from benchmarks.worlds.chance import Stream, generator
 from benchmarks.worlds.moment import Moment
 from topoloc.geometry import Floats
 
@@ -14,10 +15,12 @@ TUBE_POWER = 0.35
 BULB_POWER, BULB_HEIGHT_M = 1.0, 2.1
 DAYLIGHT_FACTOR = 3.0
 """Windows under open curtains against those when the map was made."""
+AT_ONCE = 4096
+"""Points that are lit in one go."""
 ON_THE_WALL_M = 0.04
 """What is no farther outside of a room is lit with it; the next room begins behind the wall [m]."""
 AMBIENT, AMBIENT_BULBS, AMBIENT_DAYLIGHT = 0.42, 0.3, 0.34
-PATCHES_AGED = 0.15
+PATCHES_AGED = 0.18
 """Standard deviation of the logarithm of the brightness at the corners of surfaces, once the sun has come round: it
 draws patches and shadows on walls and furniture that the soft light of the lamps does not."""
 SKY_AGED, SKY_BULBS = 1.25, 0.25
@@ -70,6 +73,12 @@ class Light:
 
     def at(self, points: Floats, normals: Floats) -> Floats:
         """Brightness factor (N,) of surfaces at points (N, 3) with unit normals (N, 3)."""
+        pieces = range(0, len(points), AT_ONCE)  # a floor of many rooms has many lamps: all pairs would fill memory
+        lit = [self._at(points[start : start + AT_ONCE], normals[start : start + AT_ONCE]) for start in pieces]
+        return np.concatenate(lit)
+
+    def _at(self, points: Floats, normals: Floats) -> Floats:
+        """See ``at``."""
         ray = self.lamps - points[:, None, :]
         squared = np.sum(ray**2, axis=2)
         facing = np.sum(ray * normals[:, None, :], axis=2) / np.sqrt(squared + 1e-6)
@@ -88,7 +97,7 @@ class Light:
             for side in (1, 0)
             for end in (0, 1)
         ]
-        patches = np.random.default_rng([self.seed, 11]).standard_normal((len(ends), 4))
+        patches = generator(self.seed, Stream.PATCHES).standard_normal((len(ends), 4))
         return np.stack(corners, axis=1) * np.exp(self.patches * patches)
 
 

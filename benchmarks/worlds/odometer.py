@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from topoloc.geometry import Floats, compose, rotate
 
@@ -49,8 +50,10 @@ class Drift:
         for name in ("slip_share", "slip_loss"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must lie between 0 and 1")
-        if self.grille_spacing_m < 0.0:
-            raise ValueError(f"grille_spacing_m is {self.grille_spacing_m}; write a distance, or 0 for none")
+        spreads = [item.name for item in fields(self) if item.name.endswith("_sd") or "_sd_" in item.name]
+        for name in (*spreads, "slip_deg", "grille_spacing_m", "grille_jolt_deg"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must not be negative")
 
     @classmethod
     def none(cls) -> Drift:
@@ -90,14 +93,15 @@ def odometer(
     scale = rng.normal(drift.rotation_scale, drift.rotation_scale_sd)
     curvature = np.deg2rad(rng.normal(drift.curvature_deg, drift.curvature_sd_deg))
     length_scale = rng.normal(0.0, drift.distance_scale_sd)
+    heading, slipping, slip_turn, jolt, length = rng.standard_normal((count, 5)).T  # by rows: a longer drive goes on
     distance = np.linalg.norm(steps[:, :2], axis=1)
     moving = (distance > 0.0) | (steps[:, 2] != 0.0)  # a robot that is carried turns no wheel
-    slips = (rng.random(count) < drift.slip_share) & moving
-    unseen = drift.heading_sd_deg * rng.standard_normal(count) * moving
-    unseen += drift.slip_deg * rng.standard_normal(count) * slips
-    unseen += drift.grille_jolt_deg * rng.standard_normal(count) * (crossed & moving)
+    slips = (slipping < ndtri(drift.slip_share)) & moving
+    unseen = drift.heading_sd_deg * heading * moving
+    unseen += drift.slip_deg * slip_turn * slips
+    unseen += drift.grille_jolt_deg * jolt * (crossed & moving)
     false_turn = scale * steps[:, 2] + curvature * distance + np.deg2rad(unseen)
-    stretch = 1.0 + length_scale + drift.distance_sd * rng.standard_normal(count) + drift.slip_loss * slips
+    stretch = 1.0 + length_scale + drift.distance_sd * length + drift.slip_loss * slips
     stretched = steps[:, :2] * stretch[:, None]
     shifted = rotate(stretched, false_turn / 2.0)  # the error grows along the step: half of it bends the chord
     readings = [np.asarray(start, dtype=np.float64)]

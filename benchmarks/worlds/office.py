@@ -20,6 +20,7 @@ from typing import ClassVar
 import numpy as np
 
 from benchmarks.worlds.builders import CEILING_M, Builder, Thing
+from benchmarks.worlds.chance import Stream, generator
 from benchmarks.worlds.drive import Route
 from benchmarks.worlds.furniture import FACES_DOWN, FACES_LEFT, FACES_RIGHT, FACES_UP, Pose, workplace
 from benchmarks.worlds.light import LitRoom, light_at
@@ -28,11 +29,13 @@ from benchmarks.worlds.renderer import Scene
 from benchmarks.worlds.rooms import door_gap, hall, hall_room, outside, room, window_gap
 from benchmarks.worlds.settings import WorldSettings
 from benchmarks.worlds.snapshots import Scan
-from benchmarks.worlds.world import MAP_RNG, Place, Shot, World
+from benchmarks.worlds.world import Place, Shot, World
 from topoloc.geometry import Floats, between, compose
 from topoloc.topo_map import Camera, Node, TopoMap, View
 from topoloc.types import Ints
 
+MAP_VIEWS = 1_000_000
+"""Number of the map's first view: none of a drive's frames shares its chances."""
 CLEAR_M = 0.35
 """A position, or a way between two, is free at this distance from all furniture and walls [m]."""
 PAN_REACH_DEG = 157.5
@@ -250,8 +253,8 @@ def office_scene(plan: Plan, seed: int, moment: Moment | None = None) -> Scene:
         seed: varies textures and the details of the furniture; the same seed is the same building.
         moment: when; None is when the map was made, the door closed and the curtains drawn.
     """
-    moment, rng = moment or Moment(), np.random.default_rng([seed, 2])
-    things = as_they_stand(furniture(plan, rng), moment, np.random.default_rng([seed, 3]))
+    moment, rng = moment or Moment(), generator(seed, Stream.FURNITURE)
+    things = as_they_stand(furniture(plan, rng), moment, generator(seed, Stream.LATER))
     drawn = rng.uniform(LEAST_DRAWN, MOST_DRAWN, len(plan.windows)) * (1.0 - moment.daylight)
     b, left, top = Builder(seed), plan.room[0], plan.room[3]
     room(b, plan.room, openings=[door_gap(left, plan.door_y), *(window_gap(x, top) for x in plan.windows)])
@@ -303,7 +306,7 @@ class OfficeSettings(WorldSettings):
         if not 0.0 <= self.pan_deg <= PAN_REACH_DEG:
             raise ValueError(f"pan_deg is {self.pan_deg}; the head turns 0 to {PAN_REACH_DEG} degrees to either side")
         if self.scan != Scan():
-            raise ValueError(f"scan is {self.scan}; an office's map has no panoramas to turn for: leave it out")
+            raise ValueError("scan is set; an office's map has no panoramas to turn for: leave all of scan out")
 
 
 class OfficeWorld(World):
@@ -359,14 +362,14 @@ class OfficeWorld(World):
         views = tuple(self._views(seed))
         name = f"{self.title}, {len(views)} images (simulated)"
         baseline = self.config.stereo_baseline_m or None
-        return TopoMap(name, self.camera, nodes, self.edges(), self.free(), views, baseline_m=baseline)
+        return TopoMap(name, self.camera, nodes, self.edges(), views=views, baseline_m=baseline)
 
     def _views(self, seed: int) -> Iterator[View]:
         """The map's images: taken as those of the drive are, but earlier and by a robot that stands."""
         earlier = type(self)(replace(self.config, age=0.0, bulbs=0.0, daylight=0.0))  # what pictures take from config
         scene = self.scene(seed, Moment())
         for number, pose in enumerate(self.view_poses):
-            shot = Shot(scene, pose, self.config.turning_shake_px, False, True, (seed, MAP_RNG, number))
+            shot = Shot(scene, (), pose, self.config.turning_shake_px, False, True, seed, MAP_VIEWS + number)
             readers = earlier.readers(shot)
             yield View(pose, readers["rgb"](), readers["right"]() if "right" in readers else None)
 

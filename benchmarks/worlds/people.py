@@ -48,8 +48,9 @@ def person(seed: int, at: Floats, facing: float, variant: int) -> Faces:
 
 def present(share: float, frames: int, rng: np.random.Generator) -> NDArray[np.bool_]:
     """In which frames (N,) something is there: a share that is exact in the mean, in stays of some frames."""
-    fresh = np.sqrt(1.0 - LINGER**2) * rng.standard_normal(frames)
-    fresh[0] = rng.standard_normal()
+    draws = rng.standard_normal(frames)
+    fresh = np.sqrt(1.0 - LINGER**2) * draws
+    fresh[0] = draws[0]
     wish = lfilter([1.0], [1.0, -LINGER], fresh)  # a standard normal at every frame
     return np.asarray(wish < ndtri(share))
 
@@ -104,9 +105,11 @@ def crowd(
     """
     frames: list[Sequence[Faces]] = []
     passers: list[Passer] = []
-    for there, camera in zip(present(share, len(cameras), rng), cameras, strict=True):
-        if there and not passers:
-            passers = [Passer(seed, half_view, rng) for _ in range(1 + int(rng.random() < COMPANY))]
+    presence, manners = rng.spawn(2)
+    for there, camera in zip(present(share, len(cameras), presence), cameras, strict=True):
+        leaves = manners.random() > LINGER  # others take over, or a crowd would be one man all day
+        if there and (leaves or not passers):
+            passers = [Passer(seed, half_view, manners) for _ in range(1 + int(manners.random() < COMPANY))]
         elif not there:
             passers = []
         frames.append([passer.seen_from(camera, scene.faces) for passer in passers])

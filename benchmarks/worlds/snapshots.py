@@ -14,6 +14,7 @@ from topoloc.geometry import Floats, compose
 from topoloc.topo_map import Camera
 from topoloc.types import Image
 
+MOST_SNAPSHOTS = 72
 THESIS_COLUMNS = 72
 """Placement noise is given in columns of the thesis's scaled frame."""
 
@@ -42,8 +43,8 @@ class Scan:
         for name in ("step_sd_deg", "placement_noise_columns", "shake_px"):
             if getattr(self, name) < 0.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must not be negative")
-        if self.snapshots < 2:
-            raise ValueError(f"snapshots is {self.snapshots}; a panorama needs two at least")
+        if not 2 <= self.snapshots <= MOST_SNAPSHOTS:
+            raise ValueError(f"snapshots is {self.snapshots}; it must lie between 2 and {MOST_SNAPSHOTS}")
         if not 0.0 <= self.short_deg < 180.0:
             raise ValueError(f"short_deg is {self.short_deg}; it must lie between 0 and 180")
         step = (360.0 - self.short_deg) / self.snapshots

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from benchmarks.worlds.builders import CEILING_M, Builder, Thing
+from benchmarks.worlds.chance import Stream, generator
 from benchmarks.worlds.furniture import FACES_DOWN, FACES_LEFT, FACES_RIGHT, FACES_UP, workplace
 from benchmarks.worlds.light import LitRoom, light_at
 from benchmarks.worlds.moment import Moment, as_they_stand, off_the_path
@@ -131,12 +132,12 @@ def twins_scene(seed: int, moment: Moment) -> Scene:
         windows = [window_gap(x + across, SIDE_M) for across in WINDOWS]
         room(b, (x, 0.0, x + SIDE_M, SIDE_M), ("plaster", "plaster", "brick", "plaster"), [*gaps, *windows])
         door(b, (x + DOOR_X, DOOR_Y, FACES_UP), moment.doors)
-        later = np.random.default_rng([seed, 3, number])
-        things = as_they_stand(_furniture(np.random.default_rng([seed, 2])), moment, later)
+        later = generator(seed, Stream.LATER, number)
+        things = as_they_stand(_furniture(generator(seed, Stream.FURNITURE)), moment, later)
         for thing in off_the_path(things, _legs(), CHAIR_GAP_M):
             at = thing.pose
             b.thing(replace(thing, pose=(at[0] + x, *at[1:])))
-    for thing in _in_the_corridor(np.random.default_rng([seed, 8])):
+    for thing in _in_the_corridor(generator(seed, Stream.FURNITURE, 0)):
         b.thing(thing)
     for x in np.arange(-3.0, 5.0) * APART_M:  # boards repeat as the rooms do: both look at the same
         y = SIDE_M + 9.0

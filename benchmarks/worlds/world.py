@@ -11,13 +11,14 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.worlds.chance import Stream, generator
 from benchmarks.worlds.drive import Route, drive, frames_per_tour, wander
 from benchmarks.worlds.effects import SensorEffects, sense
 from benchmarks.worlds.light import tint_at
 from benchmarks.worlds.moment import Moment
 from benchmarks.worlds.odometer import odometer, on_grille
 from benchmarks.worlds.people import crowd, present
-from benchmarks.worlds.renderer import EYE_M, Scene, Shake, focal_length, render_depth, render_frame, right_of
+from benchmarks.worlds.renderer import EYE_M, Faces, Scene, Shake, focal_length, render_depth, render_frame, right_of
 from benchmarks.worlds.settings import WorldSettings
 from benchmarks.worlds.snapshots import first_column_heading, panorama_of
 from topoloc.geometry import Floats, between, compose, wrap
@@ -26,12 +27,15 @@ from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import DEPTH_UNITS_PER_M, Depth, Frame, Image, Ints, Pixels
 
 SECONDS_PER_FRAME = 1.0
+"""Between two frames [s]."""
+LONGEST_CARRY = 4
+"""On a random route the robot may be carried on this many times as far as asked for."""
+OPEN_ENOUGH = 0.9
+"""How far doors must stand open where the way leads through them."""
 KIDNAP_COVERED = 2
 """Frames during which the camera is covered while the robot is carried."""
 AGED_GLARE = 0.1
 """Glare that the sun adds when it has come round to the other windows, as a share of the picture's light."""
-MAP_RNG, DRIVE_RNG, PEOPLE_RNG, FRAME_RNG, COVER_RNG = 4, 5, 6, 7, 10
-"""Every kind of chance has a generator of its own, so that one change leaves all else as it was."""
 
 
 class Place(NamedTuple):
@@ -63,20 +67,30 @@ class Shot:
     """All that a frame's pictures depend on.
 
     Attributes:
-        scene: what there is to see, people included.
+        scene: what there is to see.
+        people: who stands before it.
         pose: (3,) of the camera [m, m, rad].
         shake_px: standard deviation of the horizon, rows of the thesis's camera, 384 x 288 and 40 degrees wide.
         covered: whether the camera is.
         still: whether the robot stands, so that nothing is streaked.
-        seed: of this frame's own chances, so that frames may be rendered in any order.
+        seed, number: of the world and of the frame, whose own chances they fix: frames may be rendered in any order.
     """
 
     scene: Scene
+    people: Sequence[Faces]
     pose: Floats
     shake_px: float
     covered: bool
     still: bool
-    seed: tuple[int, ...]
+    seed: int
+    number: int
+
+    def view(self) -> Scene:
+        """All that there is to see."""
+        seen = self.scene
+        for faces in self.people:
+            seen = seen.with_faces(faces)
+        return seen
 
 
 class World(ABC):
@@ -97,6 +111,8 @@ class World(ABC):
     def __init__(self, config: Any = None) -> None:
         self.config: Any = self.Config() if config is None else config
         self.config.check_events(self.frame_count)
+        if self.gates() is not None and self.config.doors < OPEN_ENOUGH:
+            raise ValueError(f"doors is {self.config.doors}; the robot drives through them: {OPEN_ENOUGH} to 1")
 
     @property
     @abstractmethod
@@ -123,10 +139,6 @@ class World(ABC):
     def gates(self) -> Floats | None:
         """Middles (G, 2) of the doorways that the robot drives through [m]."""
         return None
-
-    def free(self) -> tuple[Floats, ...]:
-        """Polygons, each (V, 2) [m], that the robot may be in besides the surroundings of places and edges."""
-        return ()
 
     def mapped_at(self, place: int) -> Moment:
         """How the world was when this place's panorama was taken."""
@@ -167,7 +179,7 @@ class World(ABC):
         """The map that was made before the drive: a panorama on every place."""
         heading, config, nodes = first_column_heading(self.camera), self.config, []
         for number, place in enumerate(self.places):
-            moment, rng = self.mapped_at(number), np.random.default_rng([seed, MAP_RNG, number])
+            moment, rng = self.mapped_at(number), generator(seed, Stream.MAP, number)
             panorama = panorama_of(
                 self.scene(seed, moment),
                 np.array([place.x, place.y]),
@@ -184,7 +196,7 @@ class World(ABC):
     def layout(self) -> TopoMap:
         """The map without any picture."""
         nodes = tuple(Node(*place) for place in self.places)
-        return TopoMap(f"{self.title} (simulated)", self.camera, nodes, self.edges(), self.free())
+        return TopoMap(f"{self.title} (simulated)", self.camera, nodes, self.edges())
 
     def simulate(self, seed: int) -> Simulation:
         """A map, a drive and its truth; the same seed gives the same bytes.
@@ -217,22 +229,26 @@ class World(ABC):
 
     def _picture(self, shot: Shot, eye: int) -> Image:
         """What the left (0) or right (1) camera gives, (height, width, 3)."""
-        rng = np.random.default_rng([*shot.seed, eye])
+        rng = generator(shot.seed, Stream.FRAME, shot.number)  # one camera body: both eyes expose and move alike
+        noise = generator(shot.seed, Stream.NOISE, shot.number, eye)
         pose = right_of(shot.pose, self.config.stereo_baseline_m) if eye else shot.pose
         moment = self.config.now()
         if shot.covered:
-            image = covered_picture((self.camera.height, self.camera.width), rng)
+            image = covered_picture((self.camera.height, self.camera.width), noise)
         else:
-            frame = render_frame(shot.scene, pose, self.camera, EYE_M, shake_of(shot, self.camera))
-            image = sense(frame, effects_at(self.config.effects, moment), rng, tint_at(moment), shot.still)
+            frame = render_frame(shot.view(), pose, self.camera, EYE_M, shake_of(shot, self.camera))
+            image = sense(frame, effects_at(self.config.effects, moment), rng, tint_at(moment), shot.still, noise)
         image.setflags(write=False)
         return image
 
     def _depth(self, shot: Shot) -> Depth:
-        """True depth (height, width), uint16, ``DEPTH_UNITS_PER_M`` a metre, 0 where nothing is."""
-        metres = render_depth(shot.scene, shot.pose, self.camera, EYE_M, shake_of(shot, self.camera))
+        """True depth (height, width), uint16, ``DEPTH_UNITS_PER_M`` a metre.
+
+        Unknown, 0, is what lies beyond the 13 m that 16 bits hold, and all that a covered camera does not see.
+        """
+        metres = render_depth(shot.view(), shot.pose, self.camera, EYE_M, shake_of(shot, self.camera))
         units = np.round(metres * DEPTH_UNITS_PER_M)
-        image = np.where(units < 2**16, units, 0.0).astype(np.uint16)
+        image = np.where((units < 2**16) & (not shot.covered), units, 0.0).astype(np.uint16)
         image.setflags(write=False)
         return image
 
@@ -240,7 +256,7 @@ class World(ABC):
 def shake_of(shot: Shot, camera: Camera) -> Shake:
     """How the camera points beside where its pose says: one body, so the same for both eyes and for depth."""
     shake_px = shot.shake_px * focal_length(camera) / focal_length(Camera())
-    down, aside, roll = np.random.default_rng([*shot.seed, 9]).normal(0.0, shake_px, 3) * (1.0, 0.7, 0.7)
+    down, aside, roll = generator(shot.seed, Stream.SHAKE, shot.number).normal(0.0, shake_px, 3) * (1.0, 0.7, 0.7)
     return Shake(down, aside, roll)
 
 
@@ -255,18 +271,36 @@ def effects_at(effects: SensorEffects, moment: Moment) -> SensorEffects:
     return replace(effects, glare=min(1.0, effects.glare + AGED_GLARE * moment.age))
 
 
+def _advances(config: WorldSettings, frames: int, carried: int) -> Ints:
+    """How many frames of the usual path lie between each frame (N,) and the one before it."""
+    advance = np.ones(frames, dtype=np.int64)
+    advance[0] = 0
+    if config.kidnap_at >= 0:
+        advance[config.kidnap_at + 1 : config.kidnap_at + KIDNAP_COVERED] = 0  # put down, and not yet seeing
+    if config.turned_at >= 0:
+        advance[config.turned_at : config.turned_at + 2] = 0  # turned where it stood, then it turns back by itself
+    if config.kidnap_at >= 0:
+        advance[config.kidnap_at] = carried
+    return advance
+
+
+def _far_enough(path: Floats, start: int, least: int) -> int:
+    """How many frames on, ``least`` or more, a random path (P, 3) leads half as far away as it ever does.
+
+    A random walk may be back where it was: that would be no kidnapping.
+    """
+    away = np.linalg.norm(path[start + least :, :2] - path[max(start - 1, 0), :2], axis=1)
+    return least + int(np.argmax(away >= 0.5 * away.max()))
+
+
 def _true_path(world: World, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """True poses (N, 3), and their steps (N - 1, 3) as far as the wheels turn."""
     config, frames = world.config, world.frame_count
     carried = round(config.kidnap_laps * world.frames_per_lap) if config.kidnap_at >= 0 else 0
-    index = np.arange(frames)
-    if config.kidnap_at >= 0:
-        index[config.kidnap_at :] += carried
-        index[config.kidnap_at + 1 :] -= KIDNAP_COVERED - 1  # it stands where it was put down until it sees again
-    if config.turned_at > 0:
-        index[config.turned_at :] -= 1  # turned where it stood
-    path = _whole_path(world, int(index[-1]) + 1, rng)
-    truth = path[index]
+    path = _whole_path(world, frames + (LONGEST_CARRY if world.route.random else 1) * carried, rng)
+    if carried and world.route.random:
+        carried = _far_enough(path, config.kidnap_at, carried)
+    truth = path[np.cumsum(_advances(config, frames, carried))]
     if config.turned_at >= 0:
         truth[config.turned_at, 2] = wrap(truth[config.turned_at, 2] + np.deg2rad(config.turned_deg))
     steps = between(truth[:-1], truth[1:])
@@ -289,8 +323,8 @@ def _whole_path(world: World, frames: int, rng: np.random.Generator) -> Floats:
 
 def _driven(world: World, seed: int) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
     """Odometer readings (N, 3), true poses (N, 3), steps (N - 1, 3) of the wheels, and which cross a grille."""
-    drift, rng = world.config.drift, np.random.default_rng([seed, DRIVE_RNG])
-    truth, steps = _true_path(world, rng)
+    drift, rng = world.config.drift, generator(seed, Stream.ODOMETER)
+    truth, steps = _true_path(world, generator(seed, Stream.PATH))
     start = np.array([*rng.uniform(-5.0, 5.0, 2), rng.uniform(-np.pi, np.pi)])
     grille = on_grille(truth, drift.grille_spacing_m)
     return odometer(steps, start, drift, rng, grille), truth, steps, grille
@@ -310,19 +344,17 @@ def _film(world: World, seed: int) -> tuple[Sequence[Frame], Floats]:
     config, frames = world.config, world.frame_count
     scene = world.scene(seed, config.now())
     readings, truth, steps, grille = _driven(world, seed)
-    covered = _covered(config, frames, np.random.default_rng([seed, COVER_RNG]))
+    covered = _covered(config, frames, generator(seed, Stream.COVER))
     shakes = _shakes(config, steps, grille)
     mounts = np.tile(world.mount, (frames, 1))
     mounts[:, 2] = wrap(mounts[:, 2] + world.pans(frames))
     cameras = compose(truth, mounts)
-    people = crowd(config.people, cameras, scene, world.view_rad / 2.0, seed, np.random.default_rng([seed, PEOPLE_RNG]))
+    people = crowd(config.people, cameras, scene, world.view_rad / 2.0, seed, generator(seed, Stream.PEOPLE))
     taken = []
     for number, pose in enumerate(cameras):
-        seen = scene
-        for faces in people[number]:
-            seen = seen.with_faces(faces)
         still = number == 0 or not steps[number - 1].any()
-        shot = Shot(seen, pose, float(shakes[number]), bool(covered[number]), still, (seed, FRAME_RNG, number))
+        dark = bool(covered[number])
+        shot = Shot(scene, people[number], pose, float(shakes[number]), dark, still, seed, number)
         images = LazyImages(world.readers(shot))
         taken.append(Frame(number * SECONDS_PER_FRAME, readings[number], mounts[number], images))
     return tuple(taken), truth

@@ -98,6 +98,24 @@ def test_a_random_drive_goes_along_edges_and_passes_every_node_at_its_distance(s
     assert to_hub.min(axis=1).max() < 0.35 * spacing
 
 
+def test_a_random_drive_never_runs_out_of_way_and_a_lonely_node_is_refused() -> None:
+    neighbours = [np.array([(k - 1) % 8, (k + 1) % 8]) for k in range(8)]
+    for seed in range(8):
+        path = wander(LOOP, neighbours, 0, 300, np.random.default_rng(seed), Route(0.45, 0.5))
+        step = np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1) + np.abs(wrap(np.diff(path[:, 2])))
+        assert step.min() > 0.1
+    with pytest.raises(ValueError, match="no neighbour"):
+        wander(LOOP, [*neighbours[:-1], np.array([], dtype=int)], 0, 10, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    "name", ["rotation_scale_sd", "curvature_sd_deg", "distance_sd", "slip_deg", "grille_jolt_deg"]
+)
+def test_spreads_are_never_negative(name: str) -> None:
+    with pytest.raises(ValueError, match=name):
+        Drift(**{name: -1.0})
+
+
 def test_two_random_drives_differ_and_one_seed_repeats() -> None:
     neighbours = [np.array([(k - 1) % 8, (k + 1) % 8]) for k in range(8)]
     one, again, other = (wander(LOOP, neighbours, 0, 40, np.random.default_rng(seed)) for seed in (1, 1, 2))

@@ -52,7 +52,7 @@ def drive_of(seed: int = 2, **settings: Any) -> Simulation:
 
 def circle_at(world: ImageGridWorld, pose: Floats) -> Image:
     """What a frame shows at a pose (3,)."""
-    shot = Shot(world.scene(2, Moment()), pose, 0.0, False, True, (0,))
+    shot = Shot(world.scene(2, Moment()), (), pose, 0.0, False, True, 0, 0)
     return world.readers(shot)["omni"]()
 
 

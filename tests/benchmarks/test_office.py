@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from oracles.clearance import distance_to_segments
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -45,7 +46,9 @@ class FewImages(OfficeWorld):
 
 def exact(**changes: Any) -> OfficeSettings:
     """Pictures without the camera's errors."""
-    return OfficeSettings(updates=6, turning_shake_px=0.0, shake_px=0.0, effects=SensorEffects.none(), **changes)
+    return OfficeSettings(
+        updates=6, turning_shake_px=0.0, shake_px=0.0, grille_shake_px=0.0, effects=SensorEffects.none(), **changes
+    )
 
 
 @lru_cache(maxsize=1)
@@ -57,9 +60,7 @@ def distance_to_things(points: Floats, world: OfficeWorld, seed: int, moment: Mo
     """Distance (N,) from points (N, 2) to the nearest wall or furniture [m]."""
     faces = world.scene(seed, moment).faces
     ends = faces.ends[faces.heights[:, 0] < STANDING_M]
-    along, offset = ends[:, 2:] - ends[:, :2], points[:, None, :] - ends[:, :2]
-    share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(offset - share[..., None] * along, axis=2).min(axis=1))
+    return np.asarray(distance_to_segments(points, ends).min(axis=1))
 
 
 @pytest.mark.parametrize(("world", "published", "turns"), [(OfficeWorld, 400, 22), (LargeOfficeWorld, 4000, 32)])

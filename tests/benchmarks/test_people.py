@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.worlds import LabWorld, WorldSettings, lab_scene, render_frame
+from benchmarks.worlds.lab import CORRIDOR, DOOR_Y, furniture
+from benchmarks.worlds.moment import CHAIRS, Moment, as_they_stand
 from benchmarks.worlds.people import clear_distance, crowd, person, present
 from topoloc.geometry import compose
 from topoloc.topo_map import Camera
@@ -58,6 +60,24 @@ def test_stays_come_in_all_manners_over_many_frames() -> None:
     assert 0.1 < np.mean([len(passers) == 2 for passers in stays]) < 0.3
 
 
+def test_a_crowd_changes_even_where_it_never_leaves() -> None:
+    """Manners hold per stay: over 300 frames some passers cover the whole view, and most do not."""
+    scene, camera = lab_scene(3), np.array([0.0, 0.0, 1.0])
+    frames = crowd(1.0, np.tile(camera, (300, 1)), scene, HALF_VIEW, 3, np.random.default_rng(0))
+    near = np.array([np.linalg.norm(passers[0].ends[:, :2].mean(axis=0) - camera[:2]) for passers in frames])
+    assert 0.02 < (near < 0.6).mean() < 0.3
+    assert np.unique(near.round(1)).size > 8
+
+
+@pytest.mark.parametrize("moment", [Moment(age=0.5), Moment(seated=0.4), Moment(age=1.0, seated=1.0)])
+def test_everyone_who_sits_has_a_chair_of_his_own(moment: Moment) -> None:
+    for seed in range(20):
+        things = furniture(np.random.default_rng(seed))
+        later = as_they_stand(things, moment, np.random.default_rng(seed))
+        chairs = sum(thing.kind in CHAIRS for thing in things)
+        assert sum(thing.kind in CHAIRS for thing in later) == chairs == 7
+
+
 def test_nobody_stands_inside_furniture() -> None:
     scene = lab_scene(5)
     rng = np.random.default_rng(0)
@@ -72,4 +92,6 @@ def test_nobody_stands_inside_furniture() -> None:
 
 def test_the_clear_distance_is_that_to_the_first_wall() -> None:
     scene = lab_scene(1)
-    assert clear_distance(scene.faces, np.array([0.0, -1.0]), -np.pi / 2.0) == pytest.approx(0.95, abs=0.5)
+    assert clear_distance(scene.faces, np.array([-1.0, -1.0]), -np.pi / 2.0) == pytest.approx(1.3)  # the panel
+    along = np.array([CORRIDOR[0] + 5.0, DOOR_Y - 0.7])
+    assert clear_distance(scene.faces, along, np.pi) == pytest.approx(5.0)  # the corridor's end
