@@ -94,7 +94,7 @@ class ActivityTracker:
     """
 
     Config = ActivityTrackerConfig
-    estimate_rule = EstimateRule(bias=0.89, gain=0.06)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=0.69, gain=0.12)  # benchmarks/calibration.py
 
     def __init__(self, config: ActivityTrackerConfig | None = None) -> None:
         self.config = config or ActivityTrackerConfig()

@@ -32,7 +32,7 @@ class BestMatch:
     """
 
     Config = BestMatchConfig
-    estimate_rule = EstimateRule(bias=0.01, gain=0.07)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=0.01, gain=0.08)  # benchmarks/calibration.py
 
     def __init__(self, config: BestMatchConfig | None = None) -> None:
         self.config = config or BestMatchConfig()
@@ -67,7 +67,7 @@ class DeadReckoning:
     """
 
     Config = DeadReckoningConfig
-    estimate_rule = EstimateRule(bias=-0.43, gain=0.25, mode_radius_m=np.inf)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=-0.37, gain=0.14, mode_radius_m=np.inf)  # benchmarks/calibration.py
 
     def __init__(self, config: DeadReckoningConfig | None = None) -> None:
         self.config = config or DeadReckoningConfig()

@@ -57,7 +57,7 @@ class MarkovGrid:
     """
 
     Config = MarkovGridConfig
-    estimate_rule = EstimateRule(bias=1.02, gain=0.48, evidence_gain=0.60)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=1.33, gain=0.46, evidence_gain=0.45)  # benchmarks/calibration.py
 
     def __init__(self, config: MarkovGridConfig | None = None) -> None:
         self.config = config or MarkovGridConfig()

@@ -54,7 +54,7 @@ class ParticleFilter:
     """
 
     Config = ParticleFilterConfig
-    estimate_rule = EstimateRule(bias=0.98, gain=0.36, evidence_gain=0.63)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=1.07, gain=0.43, evidence_gain=0.49)  # benchmarks/calibration.py
 
     def __init__(self, config: ParticleFilterConfig | None = None) -> None:
         self.config = config or ParticleFilterConfig()
