@@ -21,7 +21,7 @@ from benchmarks.worlds.world import World
 from topoloc import plugins
 from topoloc.files import write_bytes
 from topoloc.plan import ODOMETRY, TRUTH, dead_reckoning
-from topoloc.types import Pixels
+from topoloc.types import Frame, Pixels
 
 FOLDER = Path(__file__).parents[1] / "docs" / "pictures"
 SEED, FRAMES = 2, 60
@@ -32,7 +32,7 @@ STACKED = 2.5
 AROUND_M = 4.5
 """How much of the world is shown around its nodes [m]."""
 CHANGES: Mapping[str, Mapping[str, Any]] = {
-    "as it was mapped": {},
+    "as one finds it": {},
     "doors open": {"doors": 1.0},
     "two days later": {"age": 1.0},
     "people": {"people": 1.0},
@@ -51,22 +51,38 @@ def picture(name: str) -> Figure:
     """Plans and frames of the world of that name."""
     usual = plugins.load(plugins.WORLDS, name)
     start = usual.Config(updates=FRAMES)
-    first = usual(start).film(SEED)[0][0]
-    rows, columns = next(iter(first.images.values())).shape[:2]
+    rows, columns = _main_picture(usual(start).film(SEED)[0][0]).shape[:2]
+    changes = {name: words for name, words in CHANGES.items() if name != "doors open" or start.doors == 0.0}
     span = np.ptp(usual(start).positions, axis=0) + 2.0 * AROUND_M
     stacked = span[0] > STACKED * span[1]
     plans = 3.0 * (WIDTH_IN * span[1] / span[0] + 0.5) if stacked else WIDTH_IN / 3.0 * span[1] / span[0] + 0.6
-    heights = (plans, len(CHANGES) * (WIDTH_IN / len(SHOWN) * rows / columns + 0.22))
+    heights = (plans, len(changes) * (WIDTH_IN / len(SHOWN) * rows / columns + 0.22))
     figure = Figure((WIDTH_IN, sum(heights)), layout=ConstrainedLayoutEngine(w_pad=0.01, h_pad=0.01))
     parts = figure.add_gridspec(2, 1, height_ratios=heights)
     above, below = figure.add_subfigure(parts[0]), figure.add_subfigure(parts[1])
     _plans(above, usual, start, stacked)
-    grid = below.subplots(len(CHANGES), len(SHOWN))
-    for axes, (change, settings) in zip(grid, CHANGES.items(), strict=True):
+    shown = _shown(usual, start)
+    grid = below.subplots(len(changes), len(SHOWN))
+    for axes, (change, settings) in zip(grid, changes.items(), strict=True):
         frames, _ = usual(replace(start, **settings)).film(SEED)
-        _row(axes, change, [next(iter(frames[number].images.values())) for number in SHOWN])
+        _row(axes, change, [_main_picture(frames[number]) for number in shown])
     above.suptitle(f"{usual(start).title} (simulated): {len(usual(start).places)} nodes", fontsize=10)
     return figure
+
+
+def _main_picture(frame: Frame) -> Pixels:
+    return next(iter(frame.images.values()))
+
+
+def _shown(usual: type[World], start: Any) -> list[int]:
+    """Which frames are shown: one of them sees a door, where doors may be closed."""
+    if start.doors > 0.0:
+        return list(SHOWN)
+    closed, opened = (usual(replace(start, doors=doors)).film(SEED)[0] for doors in (0.0, 1.0))
+    change = [
+        np.abs(_main_picture(a).astype(int) - _main_picture(b)).mean() for a, b in zip(closed, opened, strict=True)
+    ]
+    return sorted({*SHOWN[1:], int(np.argmax(change))})[: len(SHOWN)]
 
 
 def _plans(figure: SubFigure, usual: type[World], start: Any, stacked: bool) -> None:
