@@ -20,7 +20,8 @@ from topoloc.plugins import make_estimator
 from topoloc.types import Image
 
 FOLDER = Path(__file__).parents[1] / "docs" / "pictures"
-SEED, UPDATES, SHOWN = 0, 49, 27
+SEED, UPDATES, SHOWN = 0, 49, 35
+"""The frame shown has a match about as good as the mean: neither a failure nor a lucky one."""
 
 
 def first_run() -> Figure:

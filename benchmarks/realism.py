@@ -28,6 +28,7 @@ from benchmarks.worlds.settings import WorldSettings
 from benchmarks.worlds.world import Simulation
 from estimators.activity import ActivityTracker
 from sensors.ima import IMA
+from topoloc.cli.progress import bar
 from topoloc.files import write_text
 from topoloc.geometry import Floats, between, compose, wrap
 from topoloc.localizer import Localizer
@@ -230,7 +231,7 @@ class Figure:
         key: of the measurement.
         what: for people.
         source: where it was published; "ours" where it was not.
-        published: as printed there, or what is asked for.
+        published: as printed there.
         low, high: that the mean over seeds has to lie between.
         percent: whether it is shown in per cent.
     """
@@ -343,7 +344,9 @@ def measure(seed: int, laps: float = LAPS) -> Measured:
 
 def measure_all(seeds: Sequence[int], laps: float = LAPS, jobs: int = -1) -> list[Measured]:
     """Every figure of each seed, in their order."""
-    return list(Parallel(n_jobs=jobs)(delayed(measure)(seed, laps) for seed in seeds))
+    made = Parallel(n_jobs=jobs, return_as="generator")(delayed(measure)(seed, laps) for seed in seeds)
+    with bar() as progress:
+        return list(progress.track(made, total=len(seeds), description="measuring seeds"))
 
 
 def table(measured: Sequence[Measured]) -> str:

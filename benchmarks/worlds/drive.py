@@ -168,9 +168,13 @@ def drive(
     """
     route = route or Route()
     rounds = int(np.ceil(frames / frames_per_tour(tour, route, pace) * (1.0 + route.step_spread_m))) + 2
-    poses = _sampled(np.tile(tour, (rounds, 1)), frames, rng, route, pace, gates)
-    assert poses is not None
-    return poses
+    while True:
+        poses = _sampled(np.tile(tour, (rounds, 1)), frames, deepcopy(rng), route, pace, gates)
+        if poses is not None:
+            return poses
+        rounds += (
+            rounds // 8 + 1
+        )  # doorways and uneven distances to the nodes made the rounds shorter than the usual one
 
 
 def wander(
