@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.baselines import ANY_HEADING, BestMatch, DeadReckoning, best_hypothesis, cubature_points
+from estimators.baselines import BestMatch, DeadReckoning
+from estimators.gaussian import ANY_HEADING, best_hypothesis, cubature_points
 from topoloc.estimate import estimate_from, mean_and_covariance
 from topoloc.geometry import compose, wrap
 from topoloc.testing import evidence_for, toy_map

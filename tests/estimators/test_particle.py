@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimators.particle import FreeArea, ParticleFilter, sample_motion, sample_poses
+from estimators.free_area import FreeArea
+from estimators.particle import ParticleFilter
 from estimators.resampling import RESAMPLERS
+from estimators.sampling import sample_motion, sample_poses
 from topoloc.estimate import mean_and_covariance, node_masses
 from topoloc.geometry import between, covariance_root
 from topoloc.testing import evidence_for, toy_map
