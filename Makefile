@@ -7,11 +7,12 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help bench bench-quick test test-slow lint pictures realism constraints clean
+.PHONY: help bench bench-quick speed test test-slow lint pictures realism constraints clean
 
 help:
 	@echo "make bench        set up, then compare sensors and estimators in the simulated laboratory (about a minute)"
 	@echo "make bench-quick  the same with one seed and fewer steps"
+	@echo "make speed        set up with the peers, then time our steps beside theirs (some minutes)"
 	@echo "make test         set up, then run the tests"
 	@echo "make test-slow    the tests that take longer"
 	@echo "make lint         ruff, mypy and the import contract"
@@ -35,6 +36,15 @@ bench: $(VENV)/.installed
 
 bench-quick: $(VENV)/.installed
 	@$(BIN)/topoloc bench --quick
+
+# particles asks for numpy below 2, and works with 2: hence without its dependencies.
+$(VENV)/.installed-speed: $(VENV)/.installed
+	@$(PIP) install -c constraints.txt numba
+	@$(PIP) install --no-deps particles==0.4
+	@touch $@
+
+speed: $(VENV)/.installed-speed
+	@$(BIN)/topoloc speed
 
 test: $(VENV)/.installed-dev
 	@$(BIN)/python -m pytest -n auto -m "not slow"

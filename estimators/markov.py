@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from scipy.special import logsumexp
 
+from estimators.free_area import FreeArea
 from topoloc.estimate import EstimateRule
 from topoloc.geometry import Floats, rotate, wrap
 from topoloc.topo_map import TopoMap
@@ -53,7 +54,8 @@ class MarkovGrid:
     Approximations: the motion's variances along x and y of the map are right for every layer, but the correlations
     between x, y and heading are dropped (x and y have none where odometry errs alike along and across); mass that
     changes its layer keeps its cell, so it is displaced by less than a cell.
-    Mass that leaves the free area is lost and the rest renormalised; where nothing is left, it is spread evenly.
+    Mass that leaves the free area or would cross a wall (``estimators.walls``) is lost and the rest renormalised; where
+    nothing is left, it is spread evenly.
     """
 
     Config = MarkovGridConfig
@@ -61,6 +63,7 @@ class MarkovGrid:
 
     def __init__(self, config: MarkovGridConfig | None = None) -> None:
         self.config = config or MarkovGridConfig()
+        self._area: FreeArea
         self._free: np.ndarray  # (X, Y) bool
         self._centres: Floats  # (P, 2) of the free cells [m]
         self._headings: Floats  # (H,) that the layers stand for now [rad]
@@ -69,14 +72,14 @@ class MarkovGrid:
 
     def reset(self, topo_map: TopoMap, rng: np.random.Generator, prior: WeightedPoses | None = None) -> None:
         """Start afresh. A prior of None, or one that lies outside the free area, is uniform over it. Draws nothing."""
-        xs, ys, self._free = topo_map.free_cells(self.config.resolution_m, self.config.reach_m)
-        self._centres = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1)[self._free]
+        self._area = FreeArea(topo_map, self.config.resolution_m, self.config.reach_m)
+        self._free, self._centres = self._area.free, self._area.centres
         self._headings = wrap(np.arange(self.config.headings) * self._heading_step)
         self._offsets = np.zeros((self.config.headings, 2))
         if prior is None:
             self._mass = self._normalised(np.zeros((self.config.headings, *self._free.shape)))
         else:
-            self._mass = self._normalised(self._deposited(prior, np.array([xs[0], ys[0]])))
+            self._mass = self._normalised(self._deposited(prior))
 
     def predict(self, motion: Motion) -> None:
         """P'(s) = sum P(s | s_before, a) Bel(s_before), equation (3.10)."""
@@ -86,8 +89,10 @@ class MarkovGrid:
         self._offsets = moved - cells * size
         mass = _shifted(self._mass, cells.astype(np.int64))
         variances = _map_variances(motion.covariance[:2, :2], self._headings) / size**2
+        if self._area.has_walls:
+            mass *= np.stack([self._area.passage(int(x), int(y)) for x, y in cells])
         for axis in (0, 1):
-            mass = _blurred(mass, variances[:, axis], axis + 1)
+            mass = _blurred(mass, variances[:, axis], axis + 1, self._area)
         self._mass = self._normalised(_blurred_headings(mass, motion.covariance[2, 2] / self._heading_step**2))
         self._headings = wrap(self._headings + motion.delta[2])
 
@@ -136,12 +141,13 @@ class MarkovGrid:
             total = float(kept.sum())
         return np.asarray(kept / total)
 
-    def _deposited(self, prior: WeightedPoses, first_centre: Floats) -> Floats:
+    def _deposited(self, prior: WeightedPoses) -> Floats:
         """A prior as mass (H, X, Y): each pose is shared among the 8 cells around it, which keeps the mean."""
         size = np.array([self._heading_step, self.config.resolution_m, self.config.resolution_m])
         shape = np.array([self.config.headings, *self._free.shape])
+        first = np.array([self._area.xs[0], self._area.ys[0]])
         heading = (prior.poses[:, 2] / size[0]) % self.config.headings
-        place = np.clip((prior.poses[:, :2] - first_centre) / size[1:], -2.0, shape[1:] + 1.0)
+        place = np.clip((prior.poses[:, :2] - first) / size[1:], -2.0, shape[1:] + 1.0)
         at = np.column_stack([heading, place])
         low = np.floor(at).astype(np.int64)
         mass = np.zeros(tuple(shape))
@@ -153,7 +159,7 @@ class MarkovGrid:
             np.add.at(mass, tuple(cell[inside].T), weight[inside])
         variances = np.broadcast_to(prior.spread[[2, 0, 1]] / size**2, (self.config.headings, 3))
         for axis in (1, 2):
-            mass = _blurred(mass, variances[:, axis], axis)
+            mass = _blurred(mass, variances[:, axis], axis, self._area)
         return _blurred_headings(mass, float(variances[0, 0]))
 
 
@@ -188,15 +194,19 @@ def _taps(variances: Floats, longest: int) -> Floats:
     return np.where(variance < 0.5, three, gauss / gauss.sum(axis=1, keepdims=True))
 
 
-def _blurred(mass: Floats, variances: Floats, axis: int) -> Floats:
-    """Mass (H, X, Y) blurred along axis 1 or 2, every layer with its own variance (H,) in cells^2."""
+def _blurred(mass: Floats, variances: Floats, axis: int, area: FreeArea) -> Floats:
+    """Mass (H, X, Y) blurred along axis 1 or 2, not through walls; each layer has its own variance (H,) in cells^2."""
     taps = _taps(variances, mass.shape[axis] - 1)
     reach = taps.shape[1] // 2
     padded = np.pad(mass, [(0, 0)] + [(reach, reach) if axis == other else (0, 0) for other in (1, 2)])
     blurred = np.zeros_like(mass)
     for lag in range(taps.shape[1]):
         part = (slice(None),) * axis + (slice(lag, lag + mass.shape[axis]),)
-        blurred += taps[:, lag, None, None] * padded[part]
+        spread = taps[:, lag, None, None] * padded[part]
+        if area.has_walls:  # what lay ``lag - reach`` cells further on came back as many
+            back = reach - lag
+            spread *= area.passage(back, 0) if axis == 1 else area.passage(0, back)
+        blurred += spread
     return blurred
 
 

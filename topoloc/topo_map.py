@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from topoloc.errors import UserError
-from topoloc.geometry import Floats
+from topoloc.geometry import Floats, nearest_on_segment
 from topoloc.types import Image, Ints
 
 MOST_CELLS = 4_000_000
@@ -173,9 +173,10 @@ class TopoMap:
         points = np.asarray(positions, dtype=np.float64)
         inside = self.distance_to_nearest(points) <= reach
         for a, b in np.asarray(self.edges):
-            inside |= _distance_to_segment(points, self.positions[a], self.positions[b]) <= reach
+            foot = nearest_on_segment(points, self.positions[a], self.positions[b])
+            inside |= np.linalg.norm(points - foot, axis=1) <= reach
         for polygon in self.free:
-            inside |= _inside(points, polygon)
+            inside |= inside_polygon(points, polygon)
         return inside
 
     def free_cells(self, resolution: float, reach: float) -> tuple[Floats, Floats, np.ndarray]:
@@ -215,15 +216,7 @@ def _near_pairs(positions: Floats) -> Ints:
     return np.asarray(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))], dtype=np.int64)
 
 
-def _distance_to_segment(points: Floats, a: Floats, b: Floats) -> Floats:
-    """Distance (P,) of points (P, 2) from the segment between a and b (2,)."""
-    along = b - a
-    length = max(float(along @ along), 1e-12)
-    share = np.clip((points - a) @ along / length, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(points - (a + share[:, None] * along), axis=1))
-
-
-def _inside(points: Floats, polygon: Sequence[Sequence[float]] | Floats) -> np.ndarray:
+def inside_polygon(points: Floats, polygon: Sequence[Sequence[float]] | Floats) -> np.ndarray:
     """Even-odd rule: which points (P, 2) lie inside the polygon (V, 2)."""
     corner = np.asarray(polygon, dtype=np.float64)
     following = np.roll(corner, -1, axis=0)

@@ -1,0 +1,25 @@
+"""Our steps beside other people's libraries doing the same, in one run and on one thread: ``topoloc speed``."""
+
+from __future__ import annotations
+
+from benchmarks.speed.case import Case
+from benchmarks.speed.corridor import corridor_step
+from benchmarks.speed.grid import Hall, grid_predict
+from benchmarks.speed.likelihood import log_likelihood, plain_log_likelihood
+from benchmarks.speed.particle_step import particle_filter_step
+from benchmarks.speed.resampling import filterpy_resampling, particles_resampling
+
+PARTICLES = (1_000, 10_000, 100_000)
+
+CASES: tuple[Case, ...] = (
+    *(particle_filter_step(count, log_likelihood, "particles") for count in PARTICLES),
+    *(particle_filter_step(count, plain_log_likelihood, "particles, plain") for count in PARTICLES),
+    *(filterpy_resampling(name, 100_000) for name in ("systematic", "stratified", "multinomial")),
+    particles_resampling("systematic", 100_000, same_algorithm=True),
+    particles_resampling("residual", 100_000, same_algorithm=False),
+    grid_predict(Hall(40, 40)),
+    grid_predict(Hall(400, 200)),
+    grid_predict(Hall(200, 200, resolution_m=0.1, deviation_m=0.15)),
+    corridor_step(10_000),
+)
+"""Every comparison. One more is one more entry here."""

@@ -1,0 +1,92 @@
+"""Walls that a map only implies: two places that are near each other, and a long way from one to the other."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from topoloc.geometry import Floats, nearest_on_segment
+from topoloc.topo_map import TopoMap, inside_polygon
+from topoloc.types import Ints
+
+DETOUR = 3.0
+"""A way along the edges that is more than this many times as long as the straight one goes around a wall: three sides
+of a square lead around nothing but the middle of a room."""
+SOURCES_AT_ONCE = 256
+"""Nodes whose distances to all others are held in memory at a time."""
+
+
+class Walls:
+    """Which straight steps from cell to cell a wall bars (ours).
+
+    A topological map draws no walls, but its edges tell of them. Each cell has a foot, the nearest point of the edges
+    (or of the nodes). From one cell to another is a wall if the way from foot to foot along the edges is more than
+    ``DETOUR`` times the straight distance; feet closer than twice the reach count as that far apart, since there the
+    surroundings of both overlap. Inside one ``free`` polygon nothing is barred.
+
+    Args:
+        topo_map: the map.
+        centres: (C, 2) of the free cells [m].
+        reach: how far from a node or an edge the robot may be [m].
+    """
+
+    def __init__(self, topo_map: TopoMap, centres: Floats, reach: float) -> None:
+        self._positions = topo_map.positions
+        self._least = 2.0 * reach
+        edges = np.asarray(topo_map.edges)
+        nodes = np.arange(len(topo_map.nodes))
+        segments = np.concatenate([edges, np.column_stack([nodes, nodes])])
+        self._feet, nearest = _feet(centres, self._positions, segments)
+        self._ends: Ints = segments[nearest]  # (C, 2) nodes that the foot lies between
+        inside = [inside_polygon(centres, polygon) for polygon in topo_map.free]
+        self._polygons = np.array(inside, dtype=bool).reshape(len(inside), len(centres))
+        lengths = np.linalg.norm(np.diff(self._positions[edges], axis=1)[:, 0], axis=1)
+        self._graph = csr_array((np.maximum(lengths, 1e-9), (edges[:, 0], edges[:, 1])), shape=(len(nodes), len(nodes)))
+
+    def between(self, first: Ints, second: Ints) -> np.ndarray:
+        """Whether a wall is between two cells, both given by index into ``centres``: (P,) and (P,) -> (P,) bool."""
+        barred = np.zeros(len(first), dtype=bool)
+        straight = np.linalg.norm(self._feet[first] - self._feet[second], axis=1)
+        limit = DETOUR * np.maximum(straight, self._least) * (1.0 + 1e-9)
+        apart = (self._ends[first] != self._ends[second]).any(axis=1)
+        apart &= ~(self._polygons[:, first] & self._polygons[:, second]).any(axis=0)
+        asked = np.flatnonzero(apart)
+        asked = asked[self._way_by_shared_end(first[asked], second[asked]) > limit[asked]]
+        barred[asked] = self._way(first[asked], second[asked], limit[asked].max(initial=0.0)) > limit[asked]
+        return barred
+
+    def _way_by_shared_end(self, first: Ints, second: Ints) -> Floats:
+        """(P,) length of the way from foot to foot through an end that both have in common; infinite without one."""
+        legs = self._legs(first)[:, :, None] + self._legs(second)[:, None, :]
+        shared = self._ends[first][:, :, None] == self._ends[second][:, None, :]
+        return np.asarray(np.where(shared, legs, np.inf).min(axis=(1, 2), initial=np.inf))
+
+    def _way(self, first: Ints, second: Ints, limit: float) -> Floats:
+        """(P,) length of the shortest way along the edges from foot to foot [m]; infinite beyond ``limit``."""
+        way = np.full(len(first), np.inf)
+        starts, goals = self._ends[first], self._ends[second]
+        legs = self._legs(first)[:, :, None] + self._legs(second)[:, None, :]
+        sources = np.unique(starts)
+        for some in np.split(sources, np.arange(SOURCES_AT_ONCE, len(sources), SOURCES_AT_ONCE)):
+            distances = dijkstra(self._graph, directed=False, indices=some, limit=limit)
+            row = np.minimum(np.searchsorted(some, starts), len(some) - 1)
+            found = distances[row[:, :, None], goals[:, None, :]] + legs
+            way = np.minimum(way, np.where((some[row] == starts)[:, :, None], found, np.inf).min(axis=(1, 2)))
+        return way
+
+    def _legs(self, cells: Ints) -> Floats:
+        """(P, 2) from a cell's foot to the two nodes that it lies between [m]."""
+        return np.asarray(np.linalg.norm(self._feet[cells][:, None] - self._positions[self._ends[cells]], axis=2))
+
+
+def _feet(points: Floats, positions: Floats, segments: Ints) -> tuple[Floats, Ints]:
+    """The point nearest to each of ``points`` (C, 2) on any segment (C, 2), and which segment that is (C,)."""
+    feet, nearest = np.zeros_like(points), np.zeros(len(points), dtype=np.int64)
+    shortest = np.full(len(points), np.inf)
+    for number, (a, b) in enumerate(segments):
+        foot = nearest_on_segment(points, positions[a], positions[b])
+        distance = np.linalg.norm(points - foot, axis=1)
+        nearer = distance < shortest - 1e-9  # of edges that meet, the first: their common node is the foot of both
+        feet[nearer], nearest[nearer], shortest[nearer] = foot[nearer], number, distance[nearer]
+    return feet, nearest
