@@ -86,7 +86,7 @@ class FreeArea:
     def _cross_walls(self, start: Ints, end: Ints) -> np.ndarray:
         """Whether straight steps between cells (P, 2) cross a wall, at once or from cell to cell on the way."""
         crossed = self._walls_between(start, end)
-        legs = int(np.abs(end - start).max(initial=0))
+        legs = max(1, int(np.abs(end - start).max(initial=0)))
         on_the_way = (np.floor(start + (end - start) * leg / legs + 0.5).astype(np.int64) for leg in range(legs + 1))
         for before, after in pairwise(on_the_way):
             crossed |= self._walls_between(before, after)

@@ -20,7 +20,7 @@ from topoloc.types import Evidence, Motion, WeightedPoses
 
 LIKELIHOOD = "likelihood"
 """Name of the weighting that takes the evidence's own likelihood."""
-ANYWHERE = 1024
+ANYWHERE = 4096
 """Poses that tell how large a weighting of the third seed is in the mean."""
 MOST_RECOVERED = 0.5
 """Share of the particles that recovery may take at one update."""

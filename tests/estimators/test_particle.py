@@ -10,6 +10,7 @@ from estimators.free_area import FreeArea
 from estimators.particle import ParticleFilter
 from estimators.resampling import RESAMPLERS
 from estimators.sampling import sample_motion, sample_poses
+from estimators.weights import WEIGHTINGS, WeightingConfig
 from topoloc.estimate import mean_and_covariance, node_masses
 from topoloc.geometry import between, covariance_root
 from topoloc.testing import evidence_for, toy_map
@@ -179,10 +180,64 @@ def test_without_recovery_a_kidnapped_robot_stays_lost() -> None:
     assert node_masses(particles.belief, the_map)[5] < 0.1
 
 
+def test_adapted_number_of_particles_falls_once_localized() -> None:
+    particles = filter_on(adaptive=True, particles=5000)
+    counts = []
+    for _ in range(5):
+        particles.predict(STILL)
+        particles.update(evidence_for(toy_map(), (1.0, 1.0, 0.5)))
+        counts.append(len(particles.belief.poses))
+    assert counts[0] > 2 * counts[-1] >= 2 * particles.config.kld.least
+    assert node_masses(particles.belief, toy_map())[3] > 0.9
+
+
+def test_adapted_number_rises_again_after_a_kidnapping() -> None:
+    particles = filter_on(adaptive=True, particles=5000)
+    counts = []
+    for place in [(0.0, 0.0, 0.5)] * 6 + [(2.0, 1.0, -2.0)] * 4:
+        particles.predict(STILL)
+        particles.update(evidence_for(toy_map(), place, log_floor=-2.0))
+        counts.append(len(particles.belief.poses))
+    assert max(counts[6:]) > 1.2 * counts[5]
+    assert node_masses(particles.belief, toy_map())[5] > 0.8
+
+
+def test_recovery_takes_as_many_particles_as_it_has_of_the_posterior() -> None:
+    """Hardly any while the evidence is as foretold, half of all when it is elsewhere."""
+    recovered = []
+    for place in [(0.0, 0.0, 0.5), (2.0, 1.0, -2.0)]:
+        particles = filter_on(WeightedPoses.uniform([[0.0, 0.0, 0.5]]), ess_threshold=0.0, recovery=0.01)
+        particles.update(evidence_for(toy_map(), place, log_floor=-9.0))
+        recovered.append((np.linalg.norm(particles.belief.poses, axis=1) > 1.0).mean())
+    assert recovered[0] < 0.01
+    assert recovered[1] > 0.3
+
+
+@pytest.mark.parametrize("name", WEIGHTINGS)
+def test_every_weighting_of_the_third_seed_tracks(name: str) -> None:
+    """From a known start all seven follow the robot, as the seed says of local localization."""
+    weights = WeightingConfig(neighbours=2)  # of more, PW2 and PW4 follow the middle
+    particles = filter_on(WeightedPoses.uniform([[0.0, 0.0, 0.0]], [0.02, 0.02, 0.01]), weighting=name, weights=weights)
+    for step in range(1, 9):
+        particles.predict(Motion(np.array([0.25, 0.0, 0.0]), STILL.covariance))
+        assert particles.update(evidence_for(toy_map(), (0.25 * step, 0.0, 0.0))) is not None
+    mean, _ = mean_and_covariance(particles.belief.poses, particles.belief.weights, np.zeros(3))
+    assert np.linalg.norm(mean[:2] - [2.0, 0.0]) < 0.3
+
+
+def test_log_evidence_of_a_weighting_is_a_ratio_to_anywhere() -> None:
+    """Particles that are anywhere find a frame as likely as anywhere: 0, whatever the scale of the formula."""
+    for name in ("pw1", "pw2", "pw7"):
+        particles = filter_on(weighting=name, particles=20_000)
+        log_evidence = particles.update(evidence_for(toy_map(), (1.0, 0.0, 0.0)))
+        assert log_evidence == pytest.approx(0.0, abs=0.3)  # 28 times 4 of the 4096 anywhere are near: 9 %, thrice
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
         {"particles": 1},
+        {"weighting": "pw8"},
         {"resampling": "lottery"},
         {"ess_threshold": 2.0},
         {"recovery": -0.1},
@@ -190,5 +245,5 @@ def test_without_recovery_a_kidnapped_robot_stays_lost() -> None:
     ],
 )
 def test_settings_that_cannot_work_are_refused(wrong: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"must|use one of: systematic"):
+    with pytest.raises(ValueError, match=r"must|use one of: (systematic|likelihood)"):
         ParticleFilter.Config(**wrong)
