@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 
 from benchmarks.worlds import LabWorld, Simulation, WorldSettings
 from topoloc import plugins
-from topoloc.estimate import EstimateRule, node_masses, sureness
+from topoloc.estimate import EstimateRule, agreement, node_masses, sureness
 from topoloc.geometry import Floats, wrap
 from topoloc.localizer import Localizer
 from topoloc.metrics import RIGHT_WITHIN_M
@@ -102,13 +102,15 @@ def fit_rule(name: str, drives: Sequence[Drive]) -> EstimateRule:
         the_map = drive.simulation.topo_map
         localizer = Localizer(the_map, Recalled(drive), plugins.make_estimator(name), rng=seed)
         for frame, pose in zip(drive.simulation.frames, drive.simulation.truth, strict=True):
-            node = localizer.step(frame).node
-            if node is None:
+            estimate = localizer.step(frame)
+            if estimate.node is None:
                 continue
+            assert localizer.last is not None  # a step was just made
             mass = float(node_masses(localizer.estimator.belief, the_map).max())
-            features.append((1.0, sureness(mass), localizer.log_evidence))
+            agreed = agreement(localizer.last.evidence, estimate.pose)
+            features.append((1.0, sureness(mass), localizer.log_evidence, agreed))
             distance = np.linalg.norm(the_map.positions - pose[:2], axis=1)
-            right.append(distance[node] <= distance.min() + RIGHT_WITHIN_M)
+            right.append(distance[estimate.node] <= distance.min() + RIGHT_WITHIN_M)
     return EstimateRule(*(round(float(c), 2) for c in logistic(np.array(features), np.array(right), ridge=1e-3)))
 
 

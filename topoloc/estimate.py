@@ -9,22 +9,27 @@ from scipy.special import expit, logit
 
 from topoloc.geometry import Floats, circular_mean, wrap
 from topoloc.topo_map import TopoMap
-from topoloc.types import Estimate, Status, WeightedPoses
+from topoloc.types import Estimate, Evidence, Status, WeightedPoses
 
 SUREST = 0.999
 """A belief of samples or cells that is surer than this says nothing by it."""
+SURPRISE = -20.0
+"""A log-likelihood below this counts as this: one impossible look must not outweigh all else."""
 
 
 @dataclass(frozen=True)
 class EstimateRule:
-    """Coefficients of the formula: probability = expit(bias + gain * logit(mass) + evidence_gain * log evidence).
+    """Coefficients of the formula (ours) for the probability that the named node is right.
 
-    ``mass`` is the belief's share nearest to the leading node, at most ``SUREST``. An estimator class may carry its
-    own rule as the attribute ``estimate_rule``, fitted by ``benchmarks/calibration.py``; this default takes the
-    belief at its word.
+    probability = expit(bias + gain * logit(mass) + evidence_gain * log evidence + agreement_gain * agreement).
+
+    ``mass`` is the belief's share nearest to the leading node, at most ``SUREST``; the log evidence is a running mean
+    of what ``update`` returns; the agreement is the log-likelihood of the last look at the estimated pose, which asks
+    nothing of the estimator. An estimator class may carry its own rule as the attribute ``estimate_rule``, fitted by
+    ``benchmarks/calibration.py``; this default takes the belief at its word.
 
     Attributes:
-        bias, gain, evidence_gain: coefficients of the formula.
+        bias, gain, evidence_gain, agreement_gain: coefficients of the formula.
         evidence_memory: share of the running log evidence that stays at each update.
         mode_radius_m: poses within this distance of the leading node's mean make up the reported mode [m]; infinity
             for an estimator that holds one Gaussian, whose mean and covariance then come out exactly.
@@ -36,11 +41,27 @@ class EstimateRule:
     bias: float = 0.0
     gain: float = 1.0
     evidence_gain: float = 0.0
+    agreement_gain: float = 0.0
     evidence_memory: float = 0.7
     mode_radius_m: float = 1.0
     localized_above: float = 0.7
     lost_below: float = 0.3
     astray_m: float = 2.0
+
+    @property
+    def coefficients(self) -> tuple[float, float, float, float]:
+        """Of 1, the logit of the mass, the log evidence and the agreement."""
+        return self.bias, self.gain, self.evidence_gain, self.agreement_gain
+
+
+def agreement(evidence: Evidence | None, pose: Floats) -> float:
+    """Log-likelihood of a look at a pose (3,): above 0 it speaks for the pose; 0 for a blind look, or none.
+
+    At least ``SURPRISE``.
+    """
+    if evidence is None or evidence.is_blind:
+        return 0.0
+    return max(float(evidence.log_likelihood(pose[None, :2], pose[None, 2:])[0, 0]), SURPRISE)
 
 
 def sureness(mass: float) -> float:
@@ -67,6 +88,7 @@ def estimate_from(
     topo_map: TopoMap,
     log_evidence: float = 0.0,
     rule: EstimateRule | None = None,
+    evidence: Evidence | None = None,
 ) -> Estimate:
     """Read an estimate off a belief.
 
@@ -75,6 +97,7 @@ def estimate_from(
         topo_map: whose nodes are named.
         log_evidence: running log p(evidence | past); 0 where there is none.
         rule: coefficients; the default takes the belief at its word.
+        evidence: of the last look, about the robot; None where there was none.
 
     Returns:
         The leading node (None on an exact tie), its probability, and the mode around it.
@@ -84,8 +107,9 @@ def estimate_from(
     leader = int(np.argmax(masses))
     mass = float(masses[leader])
     tied = bool(np.isclose(np.delete(masses, leader), mass, rtol=1e-9, atol=0.0).any())
-    probability = float(expit(chosen.bias + chosen.gain * sureness(mass) + chosen.evidence_gain * log_evidence))
     pose, covariance = _leading_mode(belief, topo_map, leader, chosen.mode_radius_m)
+    clues = (1.0, sureness(mass), log_evidence, agreement(evidence, pose))
+    probability = float(expit(np.dot(chosen.coefficients, clues)))
     node = None if tied else leader
     if tied or _astray(pose, topo_map, chosen.astray_m):
         probability = 0.0

@@ -7,15 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from topoloc.errors import UnreadableImage
-from topoloc.estimate import EstimateRule, estimate_from
+from topoloc.estimate import SURPRISE, EstimateRule, estimate_from
 from topoloc.geometry import Floats, between, compose
 from topoloc.interfaces import Estimator, Sensor
 from topoloc.odometry import MotionGate, OdometryNoise
 from topoloc.topo_map import TopoMap
 from topoloc.types import Estimate, Evidence, Frame, Motion, Status, WeightedPoses
-
-SURPRISE = -20.0
-"""A log evidence below this counts as this: one impossible look must not be remembered for ever."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +87,7 @@ class Localizer:
         evidence, problem = look(self.sensor, frame)
         self._remember(self.estimator.update(evidence))
         self._informed |= not evidence.is_blind
-        estimate = estimate_from(self.estimator.belief, self.topo_map, self.log_evidence, self.rule)
+        estimate = estimate_from(self.estimator.belief, self.topo_map, self.log_evidence, self.rule, evidence)
         if not self._informed:
             estimate = replace(estimate, node=None, probability=0.0, status=Status.LOST)
         kind = "unreadable" if problem else "blind" if evidence.is_blind else "update"

@@ -1,14 +1,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from topoloc.estimate import EstimateRule, estimate_from, mean_and_covariance, node_masses
-from topoloc.testing import toy_map
+from topoloc.estimate import SURPRISE, EstimateRule, agreement, estimate_from, mean_and_covariance, node_masses
+from topoloc.testing import evidence_for, toy_map
 from topoloc.topo_map import Camera, Node, TopoMap
-from topoloc.types import Status, WeightedPoses
+from topoloc.types import Evidence, Status, WeightedPoses
 
 LINE = TopoMap("line", Camera(), tuple(Node(str(i), "", float(i), 0.0) for i in range(4)))
 
@@ -129,3 +130,30 @@ def test_a_robot_far_off_the_map_is_lost_and_at_no_node() -> None:
         assert (estimate.probability == 0.0) == (status is Status.LOST)
     corridor = TopoMap("corridor", Camera(), (Node("a", "", 0.0, 0.0), Node("b", "", 20.0, 0.0)))
     assert estimate_from(WeightedPoses.uniform(np.array([[9.0, 0.0, 0.0]])), corridor).status is Status.LOCALIZED
+
+
+class TestAgreement:
+    def test_a_look_that_speaks_for_the_pose_raises_the_probability(self) -> None:
+        belief = belief_of([(0.0, 0.0, 0.5), (1.0, 0.0, 0.5)], [0.7, 0.3], 0.01)
+        rule = EstimateRule(agreement_gain=0.5)
+        here, elsewhere = evidence_for(LINE, (0.0, 0.0, 0.5)), evidence_for(LINE, (3.0, 0.0, -2.5))
+        probability = [estimate_from(belief, LINE, 0.0, rule, look).probability for look in (here, None, elsewhere)]
+        assert probability[0] > probability[1] > probability[2]
+        assert probability[1] == pytest.approx(0.7)
+
+    def test_value_by_hand(self) -> None:
+        belief = belief_of([(0.0, 0.0, 0.5)], [1.0], 0.01)
+        look = evidence_for(LINE, (0.0, 0.0, 0.5))
+        there = float(look.log_likelihood(np.zeros((1, 2)), np.array([[0.5]]))[0, 0])
+        rule = EstimateRule(bias=-0.3, gain=0.1, evidence_gain=0.4, agreement_gain=0.2)
+        logit = -0.3 + 0.1 * math.log(0.999 / 0.001) + 0.4 * -1.5 + 0.2 * there
+        assert estimate_from(belief, LINE, -1.5, rule, look).probability == pytest.approx(
+            1.0 / (1.0 + math.exp(-logit))
+        )
+
+    def test_a_blind_look_says_nothing_and_an_impossible_one_no_more_than_a_surprise(self) -> None:
+        look = evidence_for(LINE, (0.0, 0.0, 0.5))
+        impossible = replace(look, log_likelihoods=np.full(4, -np.inf), log_floor=-np.inf)
+        pose = np.array([0.0, 0.0, 0.5])
+        assert agreement(Evidence.blind(), pose) == agreement(None, pose) == 0.0
+        assert agreement(impossible, pose) == SURPRISE

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from topoloc.errors import InputError, UnreadableImage, UserError
-from topoloc.estimate import EstimateRule
+from topoloc.estimate import SURPRISE, EstimateRule
 from topoloc.geometry import compose, inverse
-from topoloc.localizer import SURPRISE, Localizer
+from topoloc.localizer import Localizer
 from topoloc.odometry import MotionGate, OdometryNoise
 from topoloc.recording import LazyImages
 from topoloc.topo_map import Camera, Node, TopoMap
