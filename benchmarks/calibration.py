@@ -46,18 +46,20 @@ class Scale:
 
 @dataclass(frozen=True)
 class Drive:
-    """A calibration drive with what a sensor saw on it."""
+    """A drive with what a sensor saw on it."""
 
+    world: WorldSettings
     simulation: Simulation
     evidence: dict[float, Evidence]
 
 
-def _watched(name: str, world: WorldSettings, seed: int) -> tuple[Drive, float]:
-    """A drive with what a sensor saw, and the sensor's own zero of the match."""
-    drive = LabWorld(world).simulate(seed)
+def watched(name: str, world: WorldSettings, seed: int) -> tuple[Drive, float]:
+    """A drive through the laboratory with what a sensor saw, and the sensor's own zero of the match."""
+    simulation = LabWorld(world).simulate(seed)
     sensor = plugins.make(plugins.SENSORS, name)
-    sensor.fit(drive.topo_map)
-    return Drive(drive, {frame.timestamp: sensor.observe(frame) for frame in drive.frames}), sensor.base_match
+    sensor.fit(simulation.topo_map)
+    seen = {frame.timestamp: sensor.observe(frame) for frame in simulation.frames}
+    return Drive(world, simulation, seen), sensor.base_match
 
 
 def fit_scale(seen: Sequence[tuple[Drive, float]]) -> Scale:
@@ -128,7 +130,7 @@ def main() -> None:
     """Print the scale of each sensor, and the rule of each estimator."""
     drives = []
     for name in ("ima", "histogram"):
-        seen = [_watched(name, world, seed) for world in WORLDS for seed in SEEDS]
+        seen = [watched(name, world, seed) for world in WORLDS for seed in SEEDS]
         drives += [drive for drive, _ in seen]
         scale = fit_scale(seen)
         print(

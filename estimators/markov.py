@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from estimators.free_area import FreeArea
+from estimators.recovery import RECOVERY, RECOVERY_BLIND, check_recovery
 from topoloc.estimate import EstimateRule
 from topoloc.geometry import Floats, rotate, wrap
 from topoloc.topo_map import TopoMap
@@ -26,22 +27,24 @@ class MarkovGridConfig:
         resolution_m: side of a cell [m].
         reach_m: how far from a node or an edge the robot may be [m].
         headings: layers of heading around the circle; 24 are 15 degrees each.
-        recovery: share of the belief that each update spreads over the whole free area, so that a robot that was
-            carried off, or a belief that went wrong, is found again.
+        recovery: probability, at each update, that the robot is anywhere in the free area instead: that share of the
+            belief is spread over all of it, so that a robot that was carried off, or a belief that went wrong, is found
+            again.
+        recovery_blind: the same at the first update after blind ones, when it is likelier that it was carried off.
     """
 
     resolution_m: float = 0.25
     reach_m: float = 0.75
     headings: int = 24
-    recovery: float = 0.01
+    recovery: float = RECOVERY
+    recovery_blind: float = RECOVERY_BLIND
 
     def __post_init__(self) -> None:
         if not 0.0 < self.resolution_m <= self.reach_m:
             raise ValueError(f"resolution_m is {self.resolution_m}; it must be positive and at most reach_m")
+        check_recovery(self.recovery, self.recovery_blind)
         if self.headings < 4:
             raise ValueError(f"headings is {self.headings}; it must be at least 4")
-        if not 0.0 <= self.recovery < 1.0:
-            raise ValueError(f"recovery is {self.recovery}; it must lie in [0, 1)")
 
 
 class MarkovGrid:
@@ -69,6 +72,7 @@ class MarkovGrid:
         self._headings: Floats  # (H,) that the layers stand for now [rad]
         self._offsets: Floats  # (H, 2) of the layers from the cells' centres, at most half a cell [m]
         self._mass: Floats  # (H, X, Y), sums to one
+        self._was_blind = False
 
     def reset(self, topo_map: TopoMap, rng: np.random.Generator, prior: WeightedPoses | None = None) -> None:
         """Start afresh. A prior of None, or one that lies outside the free area, is uniform over it. Draws nothing."""
@@ -76,6 +80,7 @@ class MarkovGrid:
         self._free, self._centres = self._area.free, self._area.centres
         self._headings = wrap(np.arange(self.config.headings) * self._heading_step)
         self._offsets = np.zeros((self.config.headings, 2))
+        self._was_blind = False
         if prior is None:
             self._mass = self._normalised(np.zeros((self.config.headings, *self._free.shape)))
         else:
@@ -103,10 +108,12 @@ class MarkovGrid:
             log sum P(v | s) P'(s), the denominator of (3.9); None for a blind frame. -inf for a frame that is
             possible nowhere: the belief stays as predicted.
         """
+        share = self.config.recovery_blind if self._was_blind else self.config.recovery
+        self._was_blind = evidence.is_blind
         if evidence.is_blind:
             return None
         predicted = self._mass[:, self._free]  # (H, P)
-        recovered = (1.0 - self.config.recovery) * predicted + self.config.recovery / predicted.size
+        recovered = (1.0 - share) * predicted + share / predicted.size
         with np.errstate(divide="ignore"):  # cells without mass: log 0 is meant
             log_joint = np.log(recovered) + self._log_likelihoods(evidence)
         log_evidence = float(logsumexp(log_joint))
@@ -128,9 +135,10 @@ class MarkovGrid:
         return 2.0 * np.pi / self.config.headings
 
     def _log_likelihoods(self, evidence: Evidence) -> Floats:
-        """(H, P) at the free cells; a layer at a time, so that a large map with many hypotheses fits into memory."""
-        layers = zip(self._offsets, self._headings.reshape(-1, 1, 1), strict=True)
-        return np.stack([evidence.log_likelihood(self._centres + offset, heading)[:, 0] for offset, heading in layers])
+        """(H, P) at the free cells."""
+        layers = zip(self._offsets, self._headings, strict=True)
+        xs, ys = self._area.xs, self._area.ys
+        return np.stack([evidence.log_likelihood_on_grid(xs + x, ys + y, t)[self._free] for (x, y), t in layers])
 
     def _normalised(self, mass: Floats) -> Floats:
         """Mass (H, X, Y) kept on the free cells, summing to one; even where there is none."""

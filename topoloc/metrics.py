@@ -222,15 +222,17 @@ def _lost_rate(run: Run) -> float | None:
     return _mean(run.with_status(Status.LOST))
 
 
-def _calibration_error(run: Run) -> float | None:
-    named = run.nodes >= 0
-    probability, right = run.probabilities[named], run.right[named]
-    if not len(probability):
-        return None
+def calibration_error(probability: Floats, right: Bools) -> float:
+    """Expected calibration error of stated probabilities (U,), U >= 1, of answers that were right or not (U,)."""
     bins = np.minimum((probability * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
     claimed = np.bincount(bins, weights=probability, minlength=CALIBRATION_BINS)
     achieved = np.bincount(bins, weights=right.astype(float), minlength=CALIBRATION_BINS)
     return float(np.abs(claimed - achieved).sum() / len(probability))
+
+
+def _calibration_error(run: Run) -> float | None:
+    named = run.nodes >= 0
+    return calibration_error(run.probabilities[named], run.right[named]) if named.any() else None
 
 
 def _nees(run: Run) -> float | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,12 @@ Pixels = NDArray[Any]
 DEPTH_UNITS_PER_M = 5000
 """What 1 m is in a ``Depth``, as in the TUM RGB-D recordings; 0 is unknown."""
 Ints = NDArray[np.int64]
+TRUSTED = 1e-280
+"""Sums of terms up to one that are at least this large have lost nothing to underflow, which starts at 1e-308."""
+MULTIPLIED_OUT = 1e8
+"""Squares may be multiplied out as long as their parts are no larger: what rounding loses is then below 1e-7."""
+CACHED = 2**16
+"""Terms that are worked on at a time: as many as stay in a core's cache."""
 
 
 def _frozen(values: ArrayLike, shape: tuple[int | None, ...], name: str) -> Floats:
@@ -112,6 +119,128 @@ class Frame:
         if self.odometry is not None:
             object.__setattr__(self, "odometry", _frozen(self.odometry, (3,), "odometry"))
         object.__setattr__(self, "camera", _frozen(self.camera, (3,), "camera"))
+
+
+@dataclass(frozen=True)
+class _Mixture:
+    """The sum of ``Evidence.log_likelihood`` as products of matrices; the attributes are the evidence's, M > 0.
+
+    The weights are scaled so that no term exceeds one. So nothing overflows, and what a sum loses to underflow tells
+    only where the sum itself is tiny: no floor, or one far below the best hypothesis. There ``_exactly`` is asked.
+    """
+
+    poses: Floats
+    log_likelihoods: Floats
+    sigma: Floats
+    kappa: Floats
+    log_floor: float
+
+    def at_poses(self, places: Floats, headings: Floats) -> Floats:
+        """(N,) at places (N, 2), each with its own of the headings (N,): one matrix product gives all exponents."""
+        if np.abs(self._coefficients).max() > MULTIPLIED_OUT:
+            return self._exactly(places, headings)
+        sums = np.empty(len(places))
+        for block in self._blocks(len(places)):
+            exponents = self._coefficients @ self._features(places[block], headings[block])
+            sums[block] = self._weights @ np.exp(exponents, out=exponents)
+        values, (lost,) = self._logs(sums)
+        values[lost] = self._exactly(places[lost], headings[lost])
+        return values
+
+    def at_every_heading(self, places: Floats, headings: Floats) -> Floats:
+        """(P, H) at places (P, 2) with each of the headings (H,): position and heading apart, then their product."""
+        sums = np.empty((len(places), len(headings)))
+        around = self._weights[:, None] * self._around(headings)
+        for block in self._blocks(len(places)):
+            np.matmul(np.exp(self._log_positions(places[block])), around, out=sums[block])
+        values, (place, heading) = self._logs(sums)
+        values[place, heading] = self._exactly(places[place], headings[heading])
+        return values
+
+    def on_grid(self, xs: Floats, ys: Floats, heading: float) -> Floats:
+        """(X, Y) at xs (X,) crossed with ys (Y,): x, y and heading apart, then their product."""
+        along_x, along_y = (
+            np.exp(-((line[:, None] - middle) ** 2) * self._narrowness)
+            for line, middle in ((xs, self.poses[:, 0]), (ys, self.poses[:, 1]))
+        )
+        weights = self._weights * self._around(np.array([heading]))[:, 0]
+        values, (column, row) = self._logs((along_x * weights) @ along_y.T)
+        values[column, row] = self._exactly(np.column_stack([xs[column], ys[row]]), np.full(len(column), heading))
+        return values
+
+    def _blocks(self, count: int) -> list[slice]:
+        """Parts of ``count`` poses that are small enough for the cache, and for memory where hypotheses are many."""
+        step = max(1, CACHED // len(self.poses))
+        return [slice(first, first + step) for first in range(0, count, step)]
+
+    def _logs(self, sums: Floats) -> tuple[Floats, tuple[Ints, ...]]:
+        """Log of floor + sums, of any shape, at their true scale; and the indices of those that cannot be trusted."""
+        sums += np.exp(self.log_floor - self._scale)
+        lost = np.nonzero(~(sums >= TRUSTED))  # NaN, too
+        sums[lost] = 1.0
+        np.log(sums, out=sums)
+        sums += self._scale
+        return sums, lost
+
+    def _exactly(self, places: Floats, headings: Floats) -> Floats:
+        """(N,) at places (N, 2) with headings (N,), each sum scaled by its own largest term."""
+        values = np.empty(len(places))
+        for block in self._blocks(len(places)):
+            turned = np.cos(headings[block, None] - self.poses[:, 2])
+            terms = self._log_peaks + self._log_positions(places[block]) + self.kappa * (turned - 1.0)  # (N, M)
+            values[block] = np.logaddexp(self.log_floor, logsumexp(terms, axis=1))
+        return values
+
+    def _log_positions(self, places: Floats) -> Floats:
+        """(N, M) log K at places (N, 2)."""
+        squared = (places[:, :1] - self.poses[:, 0]) ** 2 + (places[:, 1:] - self.poses[:, 1]) ** 2
+        return np.asarray(-squared * self._narrowness)
+
+    def _around(self, headings: Floats) -> Floats:
+        """(M, H) von Mises factors at headings (H,), scaled to one at their peak."""
+        turned = np.cos(headings - self.poses[:, 2:])
+        return np.asarray(np.exp(self.kappa[:, None] * (turned - 1.0)))
+
+    def _features(self, places: Floats, headings: Floats) -> Floats:
+        """(6, N) of places (N, 2) with headings (N,); ``_coefficients`` @ them are the exponents of all terms."""
+        x, y = places[:, 0] - self._centre[0], places[:, 1] - self._centre[1]
+        return np.stack([x * x + y * y, x, y, np.cos(headings), np.sin(headings), np.ones(len(x))])
+
+    @cached_property
+    def _coefficients(self) -> Floats:
+        """(M, 6): -|p - p_m|^2 / (2 sigma^2) + kappa (cos(theta - theta_m) - 1), multiplied out."""
+        (x, y), narrowness = (self.poses[:, :2] - self._centre).T, self._narrowness
+        cos, sin = np.cos(self.poses[:, 2]), np.sin(self.poses[:, 2])
+        constant = -narrowness * (x * x + y * y) - self.kappa
+        return np.column_stack(
+            [-narrowness, 2.0 * narrowness * x, 2.0 * narrowness * y, self.kappa * cos, self.kappa * sin, constant]
+        )
+
+    @cached_property
+    def _centre(self) -> Floats:
+        """(2,) of the hypotheses: squares of map coordinates would be large beside their differences."""
+        return np.asarray(self.poses[:, :2].mean(axis=0))
+
+    @cached_property
+    def _narrowness(self) -> Floats:
+        """(M,) 1 / (2 sigma^2)."""
+        return 0.5 / self.sigma**2
+
+    @cached_property
+    def _log_peaks(self) -> Floats:
+        """(M,) log of w_m times the peak of h."""
+        return np.asarray(self.log_likelihoods - np.log(i0e(self.kappa)))
+
+    @cached_property
+    def _scale(self) -> float:
+        """Log of the largest that a term can be; 0 where all are zero."""
+        largest = max(float(self._log_peaks.max()), self.log_floor)
+        return largest if largest > -np.inf else 0.0
+
+    @cached_property
+    def _weights(self) -> Floats:
+        """(M,) at most one."""
+        return np.asarray(np.exp(self._log_peaks - self._scale))
 
 
 @dataclass(frozen=True)
@@ -215,16 +344,27 @@ class Evidence:
         shape = (len(place), heading.shape[1])
         if self.is_blind:
             return np.zeros(shape)
-        squared = (place[:, :1] - self.poses[:, 0]) ** 2 + (place[:, 1:] - self.poses[:, 1]) ** 2
-        log_position = self.log_likelihoods - squared / (2.0 * self.sigma**2)  # (P, M)
-        turned = np.cos(heading[:, :, None] - self.poses[:, 2])  # (P or 1, H, M)
-        log_heading = self.kappa * (turned - 1.0) - np.log(i0e(self.kappa))
-        terms = log_position[:, None, :] + log_heading  # (P, H, M)
-        peak = terms.max(axis=2)
-        scale = np.where(np.isfinite(peak), peak, 0.0)  # -inf: a likelihood of zero
-        with np.errstate(divide="ignore"):
-            mixture = scale + np.log(np.exp(terms - scale[..., None]).sum(axis=2))
-        return np.asarray(np.logaddexp(self.log_floor, mixture).reshape(shape))
+        if len(heading) == 1:
+            return self._mixture.at_every_heading(place, heading[0])
+        return self._mixture.at_poses(np.repeat(place, shape[1], axis=0), heading.reshape(-1)).reshape(shape)
+
+    def log_likelihood_on_grid(self, xs: ArrayLike, ys: ArrayLike, heading: float) -> Floats:
+        """``log_likelihood`` at the crossings of a regular grid, all with one heading; much faster than one by one.
+
+        Args:
+            xs: (X,) [m].
+            ys: (Y,) [m].
+            heading: [rad].
+
+        Returns:
+            (X, Y).
+        """
+        x, y = np.asarray(xs, dtype=np.float64), np.asarray(ys, dtype=np.float64)
+        return np.zeros((len(x), len(y))) if self.is_blind else self._mixture.on_grid(x, y, heading)
+
+    @cached_property
+    def _mixture(self) -> _Mixture:
+        return _Mixture(self.poses, self.log_likelihoods, self.sigma, self.kappa, self.log_floor)
 
     @property
     def log_mass(self) -> float:

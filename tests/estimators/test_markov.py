@@ -116,7 +116,7 @@ def test_where_all_mass_has_left_the_robot_may_be_anywhere() -> None:
 
 
 def test_update_is_bayes_rule() -> None:
-    grid = grid_at((0.3, 0.2, 0.4), toy_map())
+    grid = grid_at((0.3, 0.2, 0.4), toy_map(), recovery=0.01)
     grid.predict(Motion(np.array([0.1, 0.1, 0.1]), np.diag([0.5, 0.5, 4.0])))
     before, evidence = grid.belief, evidence_for(toy_map(), (1.0, 0.0, 0.5))
     fresh = MarkovGrid()
@@ -195,6 +195,18 @@ def test_kidnapped_robot_is_found_within_three_updates() -> None:
         grid.predict(still)
         grid.update(evidence_for(the_map, place))
     assert node_masses(grid.belief, the_map)[5] > 0.9
+
+
+def test_a_robot_that_saw_nothing_may_have_been_carried_off() -> None:
+    """After blind updates one look elsewhere outweighs the past; in the midst of others it does not."""
+    for blind, found in ((2, True), (0, False)):
+        grid = grid_at((0.0, 0.0, 0.5), toy_map())
+        for place in [(0.0, 0.0, 0.5)] * 5:
+            grid.update(evidence_for(toy_map(), place))
+        for _ in range(blind):
+            grid.update(Evidence.blind())
+        grid.update(evidence_for(toy_map(), (2.0, 1.0, -2.0)))
+        assert (node_masses(grid.belief, toy_map())[5] > 0.5) == found
 
 
 @pytest.mark.parametrize("wrong", [{"resolution_m": 0.0}, {"reach_m": 0.1}, {"headings": 1}, {"recovery": 1.0}])

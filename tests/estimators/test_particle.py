@@ -172,6 +172,17 @@ def test_kidnapped_robot_is_found_within_three_updates(seed: int) -> None:
     assert node_masses(particles.belief, the_map)[5] > 0.8
 
 
+@pytest.mark.parametrize(("blind", "found"), [(2, True), (0, False)])
+def test_a_robot_that_saw_nothing_may_have_been_carried_off(blind: int, found: bool) -> None:
+    particles = filter_on()
+    for _ in range(5):
+        particles.update(evidence_for(toy_map(), (0.0, 0.0, 0.5)))
+    for _ in range(blind):
+        particles.update(Evidence.blind())
+    particles.update(evidence_for(toy_map(), (2.0, 1.0, -2.0)))
+    assert (node_masses(particles.belief, toy_map())[5] > 0.5) == found
+
+
 def test_without_recovery_a_kidnapped_robot_stays_lost() -> None:
     the_map, particles = toy_map(), filter_on(recovery=0.0)
     for place in [(0.0, 0.0, 0.5)] * 8 + [(2.0, 1.0, -2.0)] * 3:
@@ -241,6 +252,7 @@ def test_log_evidence_of_a_weighting_is_a_ratio_to_anywhere() -> None:
         {"resampling": "lottery"},
         {"ess_threshold": 2.0},
         {"recovery": -0.1},
+        {"recovery_blind": 0.6},
         {"resolution_m": 0.0},
     ],
 )

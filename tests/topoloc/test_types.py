@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
+from scipy.special import i0e
 from scipy.stats import norm, vonmises
 
 from topoloc.geometry import circular_mean, compose, inverse, wrap
-from topoloc.types import Evidence, Frame, Motion, WeightedPoses
+from topoloc.types import Evidence, Frame, Motion, WeightedPoses, _Mixture
 
 NAMES = ("poses", "nodes", "match", "distance", "log_likelihoods", "sigma", "kappa")
 
@@ -43,6 +44,49 @@ def literal(evidence: Evidence, x: float, y: float, theta: float) -> float:
         heading = vonmises.pdf(theta - theta_m, kappa) * 2 * math.pi if kappa > 0 else 1.0
         total += math.exp(evidence.log_likelihoods[m]) * place * heading
     return math.log(total)
+
+
+def term_by_term(evidence: Evidence, positions: np.ndarray, headings: np.ndarray) -> np.ndarray:
+    """The same at any size: every term of every pose as a logarithm, summed beside the largest. (P, 2), (P, H)."""
+    squared = ((positions[:, None] - evidence.poses[:, :2]) ** 2).sum(axis=2)
+    turned = np.cos(headings[:, :, None] - evidence.poses[:, 2])
+    log_heading = evidence.kappa * (turned - 1.0) - np.log(i0e(evidence.kappa))
+    terms = (evidence.log_likelihoods - squared / (2.0 * evidence.sigma**2))[:, None, :] + log_heading
+    peak = terms.max(axis=2)
+    scale = np.where(np.isfinite(peak), peak, 0.0)
+    with np.errstate(divide="ignore"):
+        mixture = scale + np.log(np.exp(terms - scale[..., None]).sum(axis=2))
+    return np.asarray(np.logaddexp(evidence.log_floor, mixture))
+
+
+def assert_equal(got: np.ndarray, expected: np.ndarray) -> None:
+    """Rounding may cost 1e-9 of a value, and 1e-15 of the parts of a multiplied-out square, which are at most 1e8."""
+    np.testing.assert_allclose(got, expected, rtol=1e-9, atol=2e-7)
+
+
+def poses_around(evidence: Evidence, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (P, 2) and headings (P, 2): at hypotheses, about a deviation beside them, and far from all."""
+    which = rng.integers(len(evidence.poses), size=count)
+    aside = rng.choice([0.0, 1.0, 5.0, 40.0, 1e5], size=(count, 1)) * evidence.sigma[which, None]
+    places = evidence.poses[which, :2] + aside * rng.normal(size=(count, 2))
+    turns = rng.choice([0.0, 1.0, 5.0], size=(count, 1)) / np.sqrt(evidence.kappa[which, None] + 1.0)
+    return places, evidence.poses[which, 2:] + turns * rng.normal(size=(count, 2))
+
+
+@st.composite
+def extreme_evidence(draw: st.DrawFn) -> Evidence:
+    """Evidence as it comes and as bad as it gets: far from the origin, wide, sure, hopeless, without a floor."""
+    count, rng = draw(st.integers(1, 6)), np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    origin, width = draw(st.sampled_from([0.0, 1e4, 3e6])), draw(st.sampled_from([0.0, 5.0, 300.0, 1e4]))
+    logs = draw(st.lists(st.sampled_from([0.0, 20.0, -300.0, -650.0, 1e6, -1e6, -np.inf]), min_size=1, max_size=count))
+    return evidence_of(
+        count,
+        poses=np.column_stack([origin + rng.uniform(-width, width, (count, 2)), rng.uniform(-np.pi, np.pi, count)]),
+        log_likelihoods=np.resize(logs, count) + rng.normal(size=count),
+        sigma=rng.choice([0.02, 0.4, 3.0], count),
+        kappa=rng.choice(draw(st.sampled_from([[0.0], [0.0, 20.0], [0.3, 1e4, 1e6]])), count),
+        log_floor=draw(st.sampled_from([-4.0, 2.0, -600.0, -645.0, -700.0, -1e6, -np.inf])),
+    )
 
 
 class TestWeightedPoses:
@@ -132,6 +176,64 @@ class TestLogLikelihood:
                     literal(evidence, place[p, 0], place[p, 1], heading[p, h]), rel=1e-9, abs=1e-9
                 )
 
+    @settings(max_examples=300, deadline=None)
+    @given(extreme_evidence(), st.integers(0, 2**32 - 1))
+    def test_all_ways_equal_the_sum_term_by_term(self, evidence: Evidence, seed: int) -> None:
+        places, headings = poses_around(evidence, np.random.default_rng(seed), 7)
+        expected = term_by_term(evidence, places, headings)
+        assert_equal(evidence.log_likelihood(places, headings), expected)
+        assert_equal(evidence.log_likelihood(places, headings[:, :1]), expected[:, :1])
+        shared = term_by_term(evidence, places, np.tile(headings[:1], (7, 1)))
+        assert_equal(evidence.log_likelihood(places, headings[:1]), shared)
+        crossings = np.stack(np.meshgrid(places[:4, 0], places[:, 1], indexing="ij"), axis=-1).reshape(-1, 2)
+        on_grid = term_by_term(evidence, crossings, np.full((28, 1), headings[0, 0])).reshape(4, 7)
+        got = evidence.log_likelihood_on_grid(places[:4, 0], places[:, 1], headings[0, 0])
+        assert_equal(got, on_grid)
+
+    def test_where_exponentials_begin_to_underflow(self) -> None:
+        """One hypothesis, sigma 1: the sum is exp(-d^2 / 2), and loses its digits, then all, from exp(-708) on."""
+        one = evidence_of(1, poses=np.zeros((1, 3)), sigma=[1.0], kappa=[0.0], log_likelihoods=[0.0], log_floor=-np.inf)
+        away = np.sqrt(2.0 * np.linspace(600.0, 800.0, 401))
+        places, zeros = np.column_stack([away, 0.0 * away]), np.zeros((401, 1))
+        np.testing.assert_allclose(one.log_likelihood(places, zeros)[:, 0], -(away**2) / 2.0, rtol=1e-12)
+        np.testing.assert_allclose(one.log_likelihood(places, zeros[:1])[:, 0], -(away**2) / 2.0, rtol=1e-12)
+        np.testing.assert_allclose(one.log_likelihood_on_grid(away, [0.0], 0.0)[:, 0], -(away**2) / 2.0, rtol=1e-12)
+
+    @pytest.mark.parametrize("origin", [0.0, 1e4, 3e6])
+    def test_a_map_far_from_the_origin_is_as_exact_and_as_fast(
+        self, origin: float, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """UTM coordinates of a map 40 m wide; the parts of its squares stay below 1e5, so rounding below 1e-10."""
+        rng = np.random.default_rng(5)
+        poses = np.column_stack([origin + rng.uniform(-20, 20, (9, 2)), rng.uniform(-3, 3, 9)])
+        evidence = evidence_of(9, poses=poses)
+        places, headings = poses_around(evidence, rng, 500)
+
+        def exactly(mixture: _Mixture, at: np.ndarray, *_: np.ndarray) -> np.ndarray:
+            assert len(at) == 0, "the slow way was taken"
+            return np.zeros(0)
+
+        monkeypatch.setattr(_Mixture, "_exactly", exactly)
+        got = evidence.log_likelihood(places, headings[:, :1])
+        np.testing.assert_allclose(got, term_by_term(evidence, places, headings[:, :1]), rtol=1e-11, atol=1e-10)
+
+    @pytest.mark.parametrize("count", [1, 3, 70_000])
+    def test_many_poses_and_many_hypotheses_are_taken_in_parts(self, count: int) -> None:
+        evidence, rng = evidence_of(count, kappa=np.full(count, 3.0)), np.random.default_rng(8)
+        places, headings = rng.uniform(-2, 2, (max(3, 200_000 // count), 2)), rng.uniform(-3, 3, (1, 1))
+        each = np.repeat(headings, len(places), axis=0)
+        got = evidence.log_likelihood(places, each)
+        assert np.allclose(got, evidence.log_likelihood(places, headings), atol=1e-9)
+        some = [0, len(places) // 2, -1]
+        assert np.allclose(got[some], term_by_term(evidence, places[some], each[some]), atol=1e-9)
+
+    def test_no_positions_and_no_headings(self) -> None:
+        evidence = evidence_of()
+        assert evidence.log_likelihood(np.zeros((0, 2)), np.zeros((0, 1))).shape == (0, 1)
+        assert evidence.log_likelihood(np.zeros((0, 2)), np.zeros((1, 3))).shape == (0, 3)
+        assert evidence.log_likelihood(np.zeros((2, 2)), np.zeros((1, 0))).shape == (2, 0)
+        assert evidence.log_likelihood_on_grid(np.zeros(0), np.zeros(3), 0.0).shape == (0, 3)
+
     def test_headings_shared_by_all_positions_equal_the_same_for_each(self) -> None:
         evidence, place = evidence_of(), np.random.default_rng(1).uniform(-2, 2, (5, 2))
         shared = np.array([[0.0, 1.0, -2.0]])
@@ -146,6 +248,7 @@ class TestLogLikelihood:
         assert blind.is_blind and not evidence_of().is_blind
         assert np.array_equal(blind.log_likelihood(np.ones((3, 2)), np.ones((1, 4))), np.zeros((3, 4)))
         assert np.array_equal(blind.log_likelihood(np.ones((3, 2)), np.ones((3, 2))), np.zeros((3, 2)))
+        assert np.array_equal(blind.log_likelihood_on_grid(np.ones(3), np.ones(2), 0.5), np.zeros((3, 2)))
         assert blind.log_mass == -np.inf
         assert len(blind.best_per_node()) == 0
         assert blind.of_robot((0.1, 0.0, 1.0)).is_blind
