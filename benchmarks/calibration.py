@@ -12,8 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.special import i0e
 
 from benchmarks.worlds import LabWorld, Simulation, WorldSettings
+from sensors.ima import IMAConfig
 from topoloc import plugins
 from topoloc.estimate import EstimateRule, agreement, node_masses, sureness
 from topoloc.geometry import Floats, wrap
@@ -81,6 +83,31 @@ def fit_scale(seen: Sequence[tuple[Drive, float]]) -> Scale:
     return Scale(float(slope), float(margin), share, float(np.std(np.concatenate(headings))))
 
 
+def fit_heading(seen: Sequence[tuple[Drive, float]], most: float) -> tuple[float, float]:
+    """By maximum likelihood, how the heading's concentration falls with the match of hypotheses near the truth.
+
+    kappa = most * exp(fall * min(match - base - margin, 0)).
+
+    Returns:
+        The fall and the margin.
+    """
+    above, turns = [], []
+    for drive, base in seen:
+        for frame, pose in zip(drive.simulation.frames, drive.simulation.truth, strict=True):
+            evidence = drive.evidence[frame.timestamp].of_robot(frame.camera)
+            near = np.linalg.norm(evidence.poses[:, :2] - pose[:2], axis=1) <= NEAR_M
+            above.append(evidence.match[near] - base)
+            turns.append(evidence.poses[near, 2] - pose[2])
+    match, turned = np.concatenate(above), np.cos(np.concatenate(turns)) - 1.0
+
+    def loss(parameters: Floats) -> float:
+        kappa = most * np.exp(parameters[0] * np.minimum(match - parameters[1], 0.0))
+        return float(np.mean(np.log(i0e(kappa)) - kappa * turned))
+
+    fall, margin = minimize(loss, np.array([10.0, 0.1]), method="Nelder-Mead").x
+    return float(fall), float(margin)
+
+
 class Recalled:
     """A sensor that says again what was seen."""
 
@@ -137,6 +164,9 @@ def main() -> None:
             f"{name}: slope {scale.slope:.1f}, margin {scale.margin:.3f} "
             f"({scale.right_share:.1%} of the hypotheses right, heading sd {scale.heading_sd_deg:.1f} degrees)"
         )
+        if name == "ima":  # a view's heading is its own, whatever the match
+            fall, margin = fit_heading(seen, IMAConfig().kappa)
+            print(f"{name}: kappa_fall {fall:.1f}, sure_margin {margin:.3f}")
     for name in plugins.names(plugins.ESTIMATORS):
         print(f"{name}: {fit_rule(name, drives)}")
 

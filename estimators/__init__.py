@@ -1,8 +1,38 @@
 """Estimators: evidence + motion -> belief. numpy and scipy only; each usable alone."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 from estimators.activity import ActivityTracker
+from estimators.auxiliary import AuxiliaryParticleFilter
 from estimators.baselines import BestMatch, DeadReckoning
 from estimators.markov import MarkovGrid
 from estimators.particle import ParticleFilter
+from estimators.sequence import SequenceMatching
+from estimators.voting import Voting
 
-__all__ = ["ActivityTracker", "BestMatch", "DeadReckoning", "MarkovGrid", "ParticleFilter"]
+if TYPE_CHECKING:
+    from estimators.kalman import Kalman, MultiGaussian
+
+__all__ = [
+    "ActivityTracker",
+    "AuxiliaryParticleFilter",
+    "BestMatch",
+    "DeadReckoning",
+    "Kalman",
+    "MarkovGrid",
+    "MultiGaussian",
+    "ParticleFilter",
+    "SequenceMatching",
+    "Voting",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """The Kalman estimators, whose filterpy loads only when they are asked for."""
+    if name in ("Kalman", "MultiGaussian"):
+        from estimators import kalman
+
+        return getattr(kalman, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

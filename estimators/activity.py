@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -22,23 +23,46 @@ LEAST_RESULTANT = 0.2
 UNKNOWN_HEADINGS = np.deg2rad([-180.0, -90.0, 0.0, 90.0])
 """A hypothesis without a heading stands in the belief four times, so that its mean heading is nowhere."""
 NODE_SPREAD = np.array([PLACE_SD_M, PLACE_SD_M, np.deg2rad(HEADING_SD_DEG)]) ** 2
+Deviation = Literal["largest", "fixed"]
+"""What the sigmas of the action model are: the step's own largest deviations, or settings."""
 
 
 @dataclass(frozen=True)
 class ActivityTrackerConfig:
-    """Thresholds of the thesis (4.1.1, 5.2).
+    """Thresholds of the thesis (4.1.1, 5.2), and the action model: the thesis's, or one with fixed sigmas (ours).
 
     Attributes:
         match_threshold: eps_M; a destination's match must exceed it, and the virtual destination has just this.
         head_threshold: eps_phi >= eps_M; the winner's match must exceed it for the heading to be corrected.
+        deviation: sigmas of the action model: ``largest``, the step's own largest deviation (3.16), (3.17), by which
+            no hypothesis, however far off, loses more than a factor of 1.65 each; or ``fixed``.
+        sigma_m: of the distance, where fixed [m].
+        sigma_deg: of the heading, where fixed [deg].
+        outlier_floor: share of the action model, where fixed, that any move has, since odometry may err and the robot
+            may be carried off; at 0 a tracker that has gone wrong stays so for long.
+        match_power: power of the match in the update; 1 is the thesis's (3.23). Fixed sigmas do best with about 4: a
+            move counts for more there, and so must the difference between a match of 0.7 and one of 0.5.
     """
 
     match_threshold: float = THESIS.match_threshold
     head_threshold: float = THESIS.head_threshold
+    deviation: Deviation = "largest"
+    sigma_m: float = 0.8
+    sigma_deg: float = 40.0
+    outlier_floor: float = 0.20
+    match_power: float = 1.0
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.match_threshold <= self.head_threshold <= 1.0:
             raise ValueError("0 <= match_threshold <= head_threshold <= 1 must hold (thesis 3.8)")
+        if self.deviation not in get_args(Deviation):
+            raise ValueError(f"deviation is {self.deviation!r}; use one of: {', '.join(get_args(Deviation))}")
+        if not (0.0 < self.sigma_m < np.inf and 0.0 < self.sigma_deg < np.inf):
+            raise ValueError(f"sigma_m is {self.sigma_m}, sigma_deg {self.sigma_deg}; both must be positive and finite")
+        if not 0.0 <= self.outlier_floor < 1.0:
+            raise ValueError(f"outlier_floor is {self.outlier_floor}; it must lie in [0, 1)")
+        if not 0.0 < self.match_power < np.inf:
+            raise ValueError(f"match_power is {self.match_power}; it must be positive and finite")
 
 
 @dataclass(frozen=True)
@@ -158,8 +182,11 @@ class ActivityTracker:
             self.last = TrackerStep(kind, supposed, self._origins, destinations, None, nothing, nothing)
             return
         delta_l, delta_phi = self._deviations(destinations)
-        reached = action_model(delta_l, delta_phi) @ self._origins.activity  # prediction (3.22)
-        activity = destinations.match * reached  # update (3.23)
+        reached = self._action_model(delta_l, delta_phi) @ self._origins.activity  # prediction (3.22)
+        likelihood = (destinations.match / destinations.match.max()) ** self.config.match_power
+        activity = likelihood * reached  # update (3.23)
+        if not activity.any():  # fixed sigmas without a floor may underflow everywhere: the motion then tells nothing
+            activity = likelihood
         activity = activity / activity.sum()  # normalisation (3.24)
         winner = int(np.argmax(activity))
         done = Hypotheses(destinations.nodes, destinations.headings, destinations.match, activity, destinations.virtual)
@@ -211,6 +238,14 @@ class ActivityTracker:
         turned = self._origins.headings + self._turned
         return delta_l, np.abs(wrap(destinations.headings[:, None] - turned[None]))
 
+    def _action_model(self, delta_l: Floats, delta_phi: Floats) -> Floats:
+        config = self.config
+        if config.deviation == "largest":
+            return action_model(delta_l, delta_phi)
+        return fixed_action_model(
+            delta_l, delta_phi, config.sigma_m, np.deg2rad(config.sigma_deg), config.outlier_floor
+        )
+
     def _reset_to(self, destinations: Hypotheses, winner: int) -> None:
         """The end of Code 3.1: reset the odometry to d*, correct the heading if the match allows it, O <- D."""
         if destinations.match[winner] > self.config.head_threshold and np.isfinite(destinations.headings[winner]):
@@ -228,15 +263,37 @@ def action_model(delta_l: Floats, delta_phi: Floats) -> Floats:
     The width of each Gaussian (3.16), (3.17) is the step's own largest deviation; where every deviation is zero the
     formula would divide by zero: all pairs then fit alike. A pair with an unknown heading (NaN) has the factor 1.
     """
-    return _gaussian(delta_l) * _gaussian(delta_phi)
+    return _gaussian(delta_l, _largest(delta_l)) * _gaussian(delta_phi, _largest(delta_phi))
 
 
-def _gaussian(deviation: Floats) -> Floats:
-    known = np.isfinite(deviation)
-    sigma = float(deviation[known].max(initial=0.0))
+def fixed_action_model(
+    delta_l: Floats,
+    delta_phi: Floats,
+    sigma_l: float,
+    sigma_phi: float,
+    floor: float,
+) -> Floats:
+    """The same with fixed sigmas and an outlier floor (ours): (1 - floor) times the two Gaussians, plus floor.
+
+    Args:
+        delta_l: (D, O) [m].
+        delta_phi: (D, O) [rad]; NaN where a heading is unknown.
+        sigma_l: standard deviation of ``delta_l`` [m].
+        sigma_phi: standard deviation of ``delta_phi`` [rad].
+        floor: what remains for any pair, however far off.
+    """
+    return (1.0 - floor) * _gaussian(delta_l, sigma_l) * _gaussian(delta_phi, sigma_phi) + floor
+
+
+def _largest(deviation: Floats) -> float:
+    return float(deviation[np.isfinite(deviation)].max(initial=0.0))
+
+
+def _gaussian(deviation: Floats, sigma: float) -> Floats:
+    """Gaussian with the value 1 at 0; 1 where the deviation is unknown (NaN), or sigma zero but for rounding."""
     if sigma < ROUNDING:
         return np.ones_like(deviation)
-    return np.where(known, np.exp(-0.5 * (np.where(known, deviation, 0.0) / sigma) ** 2), 1.0)
+    return np.exp(-0.5 * (np.nan_to_num(deviation) / sigma) ** 2)
 
 
 def _origins_anywhere(count: int) -> Hypotheses:

@@ -34,13 +34,9 @@ class FreeArea:
         self.centres: Floats = np.stack(np.meshgrid(self.xs, self.ys, indexing="ij"), axis=-1)[self.free]
         self._corner = np.array([self.xs[0], self.ys[0]]) - resolution / 2.0
         self._walls = Walls(topo_map, self.centres, reach)
-        self._number = np.where(self.free, np.cumsum(self.free).reshape(self.free.shape) - 1, -1)  # into centres
+        number = np.where(self.free, np.cumsum(self.free).reshape(self.free.shape) - 1, -1)  # into centres
+        self._number = np.pad(number, 1, constant_values=-1)
         self._passages = dict[tuple[int, int], np.ndarray]()
-
-    @classmethod
-    def of(cls, topo_map: TopoMap, resolution: float, reach: float) -> FreeArea:
-        """Another way to write it."""
-        return cls(topo_map, resolution, reach)
 
     @property
     def size(self) -> float:
@@ -102,10 +98,13 @@ class FreeArea:
 
     def _cells(self, positions: Floats) -> Ints:
         """Cells (P, 2) of positions (P, 2) [m]; far outside just outside."""
-        cell = np.floor((positions - self._corner) / self.resolution)
-        return np.asarray(np.clip(cell, -1, self.free.shape), dtype=np.int64)
+        cells = np.empty(positions.shape, dtype=np.int64)
+        for axis, count in enumerate(self.free.shape):
+            along = np.floor((positions[:, axis] - self._corner[axis]) / self.resolution)
+            cells[:, axis] = np.clip(along, -1.0, float(count), out=along)
+        return cells
 
     def _numbers(self, cells: Ints) -> Ints:
         """Index (P,) into ``centres`` of cells (P, 2); -1 where a cell is not free."""
-        nearest = np.clip(cells, 0, np.array(self.free.shape) - 1)
-        return np.where((nearest == cells).all(axis=1), self._number[nearest[:, 0], nearest[:, 1]], -1)
+        columns, rows = (np.clip(cells[:, axis], -1, count) for axis, count in enumerate(self.free.shape))
+        return self._number.take((columns + 1) * self._number.shape[1] + rows + 1)

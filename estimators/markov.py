@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.linalg.blas import daxpy
 
 from estimators.free_area import FreeArea
-from estimators.recovery import RECOVERY, RECOVERY_BLIND, check_recovery
 from topoloc.estimate import EstimateRule
 from topoloc.geometry import Floats, rotate, wrap
 from topoloc.topo_map import TopoMap
-from topoloc.types import Evidence, Ints, Motion, WeightedPoses
+from topoloc.types import Evidence, Motion, WeightedPoses
 
 NEGLIGIBLE = 1e-3
 """Cells that together weigh less than this are left out of the belief that is handed out."""
@@ -30,19 +30,18 @@ class MarkovGridConfig:
         recovery: probability, at each update, that the robot is anywhere in the free area instead: that share of the
             belief is spread over all of it, so that a robot that was carried off, or a belief that went wrong, is found
             again.
-        recovery_blind: the same at the first update after blind ones, when it is likelier that it was carried off.
     """
 
     resolution_m: float = 0.25
     reach_m: float = 0.75
     headings: int = 24
-    recovery: float = RECOVERY
-    recovery_blind: float = RECOVERY_BLIND
+    recovery: float = 0.01
 
     def __post_init__(self) -> None:
         if not 0.0 < self.resolution_m <= self.reach_m:
             raise ValueError(f"resolution_m is {self.resolution_m}; it must be positive and at most reach_m")
-        check_recovery(self.recovery, self.recovery_blind)
+        if not 0.0 <= self.recovery <= 0.5:
+            raise ValueError(f"recovery is {self.recovery}; it must lie in [0, 0.5]")
         if self.headings < 4:
             raise ValueError(f"headings is {self.headings}; it must be at least 4")
 
@@ -72,7 +71,6 @@ class MarkovGrid:
         self._headings: Floats  # (H,) that the layers stand for now [rad]
         self._offsets: Floats  # (H, 2) of the layers from the cells' centres, at most half a cell [m]
         self._mass: Floats  # (H, X, Y), sums to one
-        self._was_blind = False
 
     def reset(self, topo_map: TopoMap, rng: np.random.Generator, prior: WeightedPoses | None = None) -> None:
         """Start afresh. A prior of None, or one that lies outside the free area, is uniform over it. Draws nothing."""
@@ -80,7 +78,6 @@ class MarkovGrid:
         self._free, self._centres = self._area.free, self._area.centres
         self._headings = wrap(np.arange(self.config.headings) * self._heading_step)
         self._offsets = np.zeros((self.config.headings, 2))
-        self._was_blind = False
         if prior is None:
             self._mass = self._normalised(np.zeros((self.config.headings, *self._free.shape)))
         else:
@@ -92,13 +89,9 @@ class MarkovGrid:
         moved = self._offsets + rotate(motion.delta[:2], self._headings)
         cells = np.rint(moved / size)
         self._offsets = moved - cells * size
-        mass = _shifted(self._mass, cells.astype(np.int64))
         variances = _map_variances(motion.covariance[:2, :2], self._headings) / size**2
-        if self._area.has_walls:
-            mass *= np.stack([self._area.passage(int(x), int(y)) for x, y in cells])
-        for axis in (0, 1):
-            mass = _blurred(mass, variances[:, axis], axis + 1, self._area)
-        self._mass = self._normalised(_blurred_headings(mass, motion.covariance[2, 2] / self._heading_step**2))
+        turn = motion.covariance[2, 2] / self._heading_step**2
+        self._mass = self._normalised(_moved(self._mass, cells, variances, turn, self._area))
         self._headings = wrap(self._headings + motion.delta[2])
 
     def update(self, evidence: Evidence) -> float | None:
@@ -108,46 +101,53 @@ class MarkovGrid:
             log sum P(v | s) P'(s), the denominator of (3.9); None for a blind frame. -inf for a frame that is
             possible nowhere: the belief stays as predicted.
         """
-        share = self.config.recovery_blind if self._was_blind else self.config.recovery
-        self._was_blind = evidence.is_blind
         if evidence.is_blind:
             return None
-        predicted = self._mass[:, self._free]  # (H, P)
-        recovered = (1.0 - share) * predicted + share / predicted.size
-        with np.errstate(divide="ignore"):  # cells without mass: log 0 is meant
-            log_joint = np.log(recovered) + self._log_likelihoods(evidence)
-        log_evidence = float(logsumexp(log_joint))
-        if np.isfinite(log_evidence):
-            self._mass[:, self._free] = np.exp(log_joint - log_evidence)
-        return log_evidence
+        share = self.config.recovery
+        joint = self._log_joint(evidence, share)
+        peak = float(joint.max())
+        if not np.isfinite(peak):
+            return peak
+        joint -= peak
+        np.exp(joint, out=joint)
+        total = float(joint.sum())
+        joint /= total
+        self._mass = joint
+        return peak + float(np.log(total))
 
     @property
     def belief(self) -> WeightedPoses:
         """The cells that have a mass worth naming; the spread is a cell's own."""
-        mass = self._mass[:, self._free]
-        layers, cells = np.nonzero(mass >= NEGLIGIBLE / mass.size)
-        poses = np.column_stack([self._centres[cells] + self._offsets[layers], self._headings[layers]])
+        named = np.flatnonzero(self._mass >= NEGLIGIBLE / (len(self._mass) * len(self._area.centres)))
+        layers, columns, rows = np.unravel_index(named, self._mass.shape)
+        place = np.column_stack([self._area.xs[columns], self._area.ys[rows]]) + self._offsets[layers]
         sides = np.array([self.config.resolution_m, self.config.resolution_m, self._heading_step])
-        return WeightedPoses(poses, np.log(mass[layers, cells]), sides**2 / 12.0)
+        poses = np.column_stack([place, self._headings[layers]])
+        return WeightedPoses(poses, np.log(self._mass.ravel()[named]), sides**2 / 12.0)
 
     @property
     def _heading_step(self) -> float:
         return 2.0 * np.pi / self.config.headings
 
-    def _log_likelihoods(self, evidence: Evidence) -> Floats:
-        """(H, P) at the free cells."""
-        layers = zip(self._offsets, self._headings, strict=True)
+    def _log_joint(self, evidence: Evidence, recovery: float) -> Floats:
+        """(H, X, Y) log of P(v | s) P'(s), the recovery in P'; a layer at a time, which stays in the cache."""
         xs, ys = self._area.xs, self._area.ys
-        return np.stack([evidence.log_likelihood_on_grid(xs + x, ys + y, t)[self._free] for (x, y), t in layers])
+        anywhere = self._free * (recovery / (len(self._mass) * len(self._area.centres)))
+        log_joint = np.empty_like(self._mass)
+        for layer, (offset, heading) in enumerate(zip(self._offsets, self._headings, strict=True)):
+            with np.errstate(divide="ignore"):  # cells without mass: log 0 is meant
+                np.log((1.0 - recovery) * self._mass[layer] + anywhere, out=log_joint[layer])
+            log_joint[layer] += evidence.log_likelihood_on_grid(xs + offset[0], ys + offset[1], float(heading))
+        return log_joint
 
     def _normalised(self, mass: Floats) -> Floats:
-        """Mass (H, X, Y) kept on the free cells, summing to one; even where there is none."""
-        kept = mass * self._free
-        total = float(kept.sum())
+        """Mass (H, X, Y) of the free cells, in place, summing to one; even where there is none."""
+        total = float(mass.sum())
         if total < np.finfo(np.float64).tiny:
-            kept = np.broadcast_to(self._free, mass.shape).astype(np.float64)
-            total = float(kept.sum())
-        return np.asarray(kept / total)
+            mass[:] = self._free
+            total = float(mass.sum())
+        mass /= total
+        return mass
 
     def _deposited(self, prior: WeightedPoses) -> Floats:
         """A prior as mass (H, X, Y): each pose is shared among the 8 cells around it, which keeps the mean."""
@@ -165,10 +165,9 @@ class MarkovGrid:
             weight = prior.weights * np.prod(np.where(corner, at - low, 1.0 - (at - low)), axis=1)
             inside = ((cell >= 0) & (cell < shape)).all(axis=1)
             np.add.at(mass, tuple(cell[inside].T), weight[inside])
-        variances = np.broadcast_to(prior.spread[[2, 0, 1]] / size**2, (self.config.headings, 3))
-        for axis in (1, 2):
-            mass = _blurred(mass, variances[:, axis], axis, self._area)
-        return _blurred_headings(mass, float(variances[0, 0]))
+        heading, *place = prior.spread[[2, 0, 1]] / size**2
+        still, variances = (np.tile(values, (self.config.headings, 1)) for values in ([0.0, 0.0], place))
+        return _moved(mass, still, variances, float(heading), self._area)
 
 
 def _map_variances(covariance: Floats, headings: Floats) -> Floats:
@@ -180,51 +179,100 @@ def _map_variances(covariance: Floats, headings: Floats) -> Floats:
     return np.column_stack([x, y]).clip(min=0.0)  # a singular covariance may round below zero
 
 
-def _shifted(mass: Floats, cells: Ints) -> Floats:
-    """Every layer of mass (H, X, Y) moved by whole cells (H, 2); what leaves the grid is lost."""
-    layers, columns, rows = mass.shape
-    x, y = np.arange(columns) - cells[:, :1], np.arange(rows) - cells[:, 1:]  # (H, X), (H, Y): where it comes from
-    inside = ((x >= 0) & (x < columns))[:, :, None] & ((y >= 0) & (y < rows))[:, None, :]
-    x, y = np.clip(x, 0, columns - 1), np.clip(y, 0, rows - 1)
-    return np.where(inside, mass[np.arange(layers)[:, None, None], x[:, :, None], y[:, None, :]], 0.0)
+def _moved(mass: Floats, cells: Floats, variances: Floats, turn: float, area: FreeArea) -> Floats:
+    """Mass (H, X, Y) after each layer's own shift (H, 2) [cells] and blur (H, 2) [cells^2], and a blur of the heading.
+
+    What leaves the free area or would cross a wall is lost. The heading's variance ``turn`` is in layers^2.
+    """
+    shape = np.array(area.free.shape)
+    shifts = np.clip(cells, -shape, shape).astype(np.int64).tolist()
+    taps_x, taps_y = (_taps(variances[:, axis], shape[axis] - 1) for axis in (0, 1))
+    around = [(layers, share) for layers, share in enumerate(_ring(turn, len(mass)).tolist()) if share > 0.0]
+    lines, free = _Lines(area, gap=taps_y.shape[1] - 1), area.free.astype(np.float64)
+    moved = np.zeros((len(mass), free.size))
+    for layer, shift in enumerate(shifts):
+        line = lines.shifted(mass[layer], *shift)
+        line = lines.blurred(line, taps_x[layer], 0)
+        line = lines.blurred(line, taps_y[layer], 1)
+        arrived = (lines.layer(line) * free).reshape(-1)
+        for layers, share in around:
+            daxpy(arrived, moved[(layer + layers) % len(mass)], a=share)
+    return moved.reshape(mass.shape)
+
+
+class _Lines:
+    """Layers (X, Y) as lines, which take part in a sum as a whole, however they are shifted.
+
+    In a line a gap of empty cells follows each row, so that along y nothing runs over into the next row. A step along
+    y is a step of one cell in the line, a step along x one of a row and its gap.
+
+    Args:
+        area: whose walls count.
+        gap: the longest step along y that a blur takes [cells].
+    """
+
+    def __init__(self, area: FreeArea, gap: int) -> None:
+        self._area = area
+        self._columns, self._rows = area.free.shape
+        self._gap = gap
+        self._passages = cache(self._passage)
+
+    def shifted(self, layer: Floats, columns: int, rows: int) -> Floats:
+        """The line of a layer (X, Y) moved by whole cells, not through walls; what leaves the grid is lost."""
+        line = np.zeros((self._columns, self._rows + self._gap))
+        line[_into(columns), : self._rows][:, _into(rows)] = layer[_into(-columns), _into(-rows)]
+        if self._area.has_walls and (columns or rows):
+            line[:, : self._rows] *= self._area.passage(columns, rows)
+        return line.reshape(-1)
+
+    def blurred(self, line: Floats, taps: Floats, axis: int) -> Floats:
+        """A line blurred along x (0) or y (1), not through walls, by half a symmetric kernel, its middle first."""
+        blurred: Floats = taps[0] * line
+        if self._area.has_walls:
+            blurred *= self._passages(0, axis)
+        for lag in (np.flatnonzero(taps[1:]) + 1).tolist():
+            step = lag * (self._rows + self._gap if axis == 0 else 1)
+            ahead, back = line[:-step], line[step:]
+            if self._area.has_walls:
+                ahead = ahead * self._passages(lag, axis)[step:]
+                back = back * self._passages(-lag, axis)[:-step]
+            daxpy(ahead, blurred[step:], a=taps[lag])
+            daxpy(back, blurred[:-step], a=taps[lag])
+        return blurred
+
+    def layer(self, line: Floats) -> Floats:
+        """The layer (X, Y) of a line."""
+        layer: Floats = line.reshape(self._columns, -1)[:, : self._rows]
+        return layer
+
+    def _passage(self, lag: int, axis: int) -> np.ndarray:
+        """Which cells of a line a step along an axis can reach."""
+        passage = self._area.passage(*((lag, 0) if axis == 0 else (0, lag)))
+        return np.pad(passage, ((0, 0), (0, self._gap))).reshape(-1)
+
+
+def _into(cells: int) -> slice:
+    """Where an axis lands that moves by whole cells; by the opposite: what of it does not leave."""
+    return slice(max(cells, 0), min(cells, 0) or None)
 
 
 def _taps(variances: Floats, longest: int) -> Floats:
-    """Symmetric kernels (H, 2 R + 1), R <= max(longest, 1), with variances (H,) in cells^2.
+    """Halves (H, R + 1), the middle first, of symmetric kernels with variances (H,) in cells^2; R <= longest.
 
     Sampled Gaussians; below half a cell^2, where sampling would miss the variance, the three taps that have it.
     """
-    reach = int(np.clip(np.ceil(4.0 * np.sqrt(variances.max())), 1, max(longest, 1)))
-    lags = np.arange(-reach, reach + 1)
+    reach = int(np.clip(np.ceil(4.0 * np.sqrt(variances.max())), 1, longest))
+    lags = np.arange(reach + 1)
     variance = variances[:, None]
-    three = np.where(lags == 0, 1.0 - variance, np.where(np.abs(lags) == 1, variance / 2.0, 0.0))
+    three = np.where(lags == 0, 1.0 - variance, np.where(lags == 1, variance / 2.0, 0.0))
     gauss = np.exp(-(lags**2) / (2.0 * np.maximum(variance, 0.5)))
-    return np.where(variance < 0.5, three, gauss / gauss.sum(axis=1, keepdims=True))
+    whole = 2.0 * gauss.sum(axis=1, keepdims=True) - 1.0
+    return np.where(variance < 0.5, three, gauss / whole)
 
 
-def _blurred(mass: Floats, variances: Floats, axis: int, area: FreeArea) -> Floats:
-    """Mass (H, X, Y) blurred along axis 1 or 2, not through walls; each layer has its own variance (H,) in cells^2."""
-    taps = _taps(variances, mass.shape[axis] - 1)
-    reach = taps.shape[1] // 2
-    padded = np.pad(mass, [(0, 0)] + [(reach, reach) if axis == other else (0, 0) for other in (1, 2)])
-    blurred = np.zeros_like(mass)
-    for lag in range(taps.shape[1]):
-        part = (slice(None),) * axis + (slice(lag, lag + mass.shape[axis]),)
-        spread = taps[:, lag, None, None] * padded[part]
-        if area.has_walls:  # what lay ``lag - reach`` cells further on came back as many
-            back = reach - lag
-            spread *= area.passage(back, 0) if axis == 1 else area.passage(0, back)
-        blurred += spread
-    return blurred
-
-
-def _blurred_headings(mass: Floats, variance: float) -> Floats:
-    """Mass (H, X, Y) blurred around the circle of layers; variance in layers^2."""
-    count = len(mass)
+def _ring(variance: float, count: int) -> Floats:
+    """Share (count,) of a layer's mass that a blur of the heading takes so many layers on; variance in layers^2."""
     taps = _taps(np.array([min(variance, float(count) ** 2)]), 4 * count)[0]  # at a full circle all is even anyway
-    lags = np.arange(len(taps)) - len(taps) // 2
-    ring = np.bincount(lags % count, weights=taps, minlength=count)
-    layers = np.arange(count)
-    circulant = ring[(layers[:, None] - layers) % count]
-    blurred: Floats = circulant @ mass.reshape(count, -1)
-    return blurred.reshape(mass.shape)
+    lags = np.arange(len(taps))
+    ahead = np.bincount(lags % count, weights=taps, minlength=count)
+    return np.asarray(ahead + np.bincount(-lags[1:] % count, weights=taps[1:], minlength=count))

@@ -10,7 +10,6 @@ from scipy.special import logsumexp
 
 from estimators.free_area import FreeArea
 from estimators.kld import KLD
-from estimators.recovery import RECOVERY, RECOVERY_BLIND, check_recovery
 from estimators.resampling import RESAMPLERS
 from estimators.sampling import sample_motion, sample_poses
 from estimators.weights import WEIGHTINGS, Weighting, WeightingConfig
@@ -36,7 +35,6 @@ class ParticleFilterConfig:
         resampling: ``systematic``, ``stratified``, ``residual`` or ``multinomial``.
         ess_threshold: resample when the effective sample size falls below this share of the particles.
         recovery: probability, at each update, that the robot is anywhere in the free area instead; as the grid's.
-        recovery_blind: the same at the first update after blind ones; as the grid's.
         resolution_m: side of the cells that the free area is made of [m]; as the grid's.
         reach_m: how far from a node or an edge the robot may be [m]; as the grid's.
         weighting: ``likelihood``, the evidence's own, or ``pw1`` to ``pw7`` of the third seed.
@@ -48,8 +46,7 @@ class ParticleFilterConfig:
     particles: int = 1000
     resampling: str = "systematic"
     ess_threshold: float = 0.5
-    recovery: float = RECOVERY
-    recovery_blind: float = RECOVERY_BLIND
+    recovery: float = 0.01
     resolution_m: float = 0.25
     reach_m: float = 0.75
     weighting: str = LIKELIHOOD
@@ -64,7 +61,8 @@ class ParticleFilterConfig:
             raise ValueError(f"resampling is {self.resampling!r}; use one of: {', '.join(RESAMPLERS)}")
         if not 0.0 <= self.ess_threshold <= 1.0:
             raise ValueError(f"ess_threshold is {self.ess_threshold}; it must lie in [0, 1]")
-        check_recovery(self.recovery, self.recovery_blind)
+        if not 0.0 <= self.recovery <= 0.5:
+            raise ValueError(f"recovery is {self.recovery}; it must lie in [0, 0.5]")
         if not 0.0 < self.resolution_m <= self.reach_m:
             raise ValueError(f"resolution_m is {self.resolution_m}; it must be positive and at most reach_m")
         if self.weighting not in (LIKELIHOOD, *WEIGHTINGS):
@@ -88,12 +86,11 @@ class ParticleFilter:
         self._weigher: Weigher
         self._poses: Floats  # (N, 3)
         self._log_weights: Floats  # (N,), the weights sum to one
-        self._was_blind = False
 
     def reset(self, topo_map: TopoMap, rng: np.random.Generator, prior: WeightedPoses | None = None) -> None:
         """Start afresh: uniform over the free area, or drawn from the prior."""
         count = self.config.particles
-        self._rng, self._was_blind = rng, False
+        self._rng = rng
         self._area = FreeArea(topo_map, self.config.resolution_m, self.config.reach_m)
         self._weigher = self._make_weigher()
         self._poses = self._area.sample(count, rng) if prior is None else sample_poses(prior, count, rng)
@@ -114,11 +111,10 @@ class ParticleFilter:
             log p(evidence | past), recovery included; None for a blind frame. -inf for a frame that is possible at no
             particle: the belief stays as predicted.
         """
-        was_blind, self._was_blind = self._was_blind, evidence.is_blind
         if evidence.is_blind:
             self._resample()
             return None
-        poses, log_joint = self._weighed(evidence, self.config.recovery_blind if was_blind else self.config.recovery)
+        poses, log_joint = self._weighed(evidence, self.config.recovery)
         log_evidence = float(logsumexp(log_joint))
         if np.isfinite(log_evidence):
             self._poses, self._log_weights = poses, log_joint - log_evidence

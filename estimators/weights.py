@@ -29,7 +29,8 @@ class WeightingConfig:
     """Settings of the particle weights; the seed names the parameters, their values are ours.
 
     Attributes:
-        neighbours: B, how many map images weigh a particle: those of the smallest descriptor distance.
+        neighbours: B, how many map images weigh a particle: those of the smallest descriptor distance. The mixtures
+            do better with more of them, the others with few.
         position_sd_m: of the distance from a particle to an image, of PW5's centre and of PW6's force [m].
         descriptor_sd: of the descriptor distance h_j, in the sensor's own scale (``Evidence.distance``).
         heading_sd_deg: of the heading, in PW3 and PW4 [deg].
@@ -129,8 +130,7 @@ def pw5(near: Neighbours, config: WeightingConfig) -> Floats:
 
     Where images are identical to the current one, the others' masses vanish beside theirs.
     """
-    nearest = max(float(near.distance.min()), IDENTICAL)
-    mass = nearest / np.maximum(near.distance, nearest)  # only ratios count
+    mass = 1.0 / np.maximum(near.distance, IDENTICAL)
     return _log_gauss_2d(np.einsum("b,nbd->nd", mass / mass.sum(), near.offset), config.position_sd_m)
 
 

@@ -36,7 +36,11 @@ class IMAConfig:
         slope: log-likelihood ratio per unit of match; this and the next from ``benchmarks/calibration.py``.
         margin: match above the mean of wrong nodes at which the ratio is 1.
         sigma_m: how far around a node a match holds [m].
-        kappa: concentration of the heading that the matched column gives.
+        kappa: concentration of the heading that the matched column of a sure match gives; no more, since the looks
+            from one side of a node err alike.
+        kappa_fall: how fast its log falls with the match below that, per unit: a poor match finds some column all the
+            same. This and the next from ``benchmarks/calibration.py``.
+        sure_margin: match above the mean of wrong nodes from which on a match is sure.
         log_floor: log-likelihood ratio that remains far from every node.
     """
 
@@ -52,7 +56,9 @@ class IMAConfig:
     margin: float = 0.072
     sigma_m: float = 0.4
     kappa: float = 50.0
-    log_floor: float = -3.0
+    kappa_fall: float = 18.1
+    sure_margin: float = 0.181
+    log_floor: float = -1.5
 
     def __post_init__(self) -> None:
         if not 1 <= self.slots <= self.scale_columns:
@@ -61,8 +67,8 @@ class IMAConfig:
             raise ValueError(f"zoom is {self.zoom}; it must be at least 1 and less than 2")
         if self.clahe_tiles < 1 or self.clahe_clip_limit <= 0.0:
             raise ValueError("clahe_tiles must be at least 1, and clahe_clip_limit positive")
-        if self.sigma_m <= 0.0 or self.kappa < 0.0 or self.flat_variance < 0.0:
-            raise ValueError("sigma_m must be positive, kappa and flat_variance not negative")
+        if self.sigma_m <= 0.0 or min(self.kappa, self.kappa_fall, self.flat_variance) < 0.0:
+            raise ValueError("sigma_m must be positive, kappa, kappa_fall and flat_variance not negative")
 
 
 @dataclass(frozen=True)
@@ -298,6 +304,7 @@ class IMA:
         middle = matches.column + self.config.scale_columns / 2.0
         heading = wrap(self._headings - middle * 2.0 * np.pi / matches.columns)
         count = len(matches.value)
+        sureness = matches.value - self.base_match - self.config.sure_margin
         return Evidence(
             poses=camera_on_nodes(self._positions, heading, mount),
             nodes=np.arange(count),
@@ -305,7 +312,7 @@ class IMA:
             distance=1.0 - matches.value,
             log_likelihoods=self.config.slope * (matches.value - self.base_match - self.config.margin),
             sigma=np.full(count, self.config.sigma_m),
-            kappa=np.full(count, self.config.kappa),
+            kappa=self.config.kappa * np.exp(self.config.kappa_fall * np.minimum(sureness, 0.0)),
             log_floor=self.config.log_floor,
         )
 

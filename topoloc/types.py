@@ -174,9 +174,9 @@ class _Mixture:
         return [slice(first, first + step) for first in range(0, count, step)]
 
     def _logs(self, sums: Floats) -> tuple[Floats, tuple[Ints, ...]]:
-        """Log of floor + sums, of any shape, at their true scale; and the indices of those that cannot be trusted."""
+        """Log of floor + sums, of any shape, at their true scale, in place; indices of those that are not trusted."""
         sums += np.exp(self.log_floor - self._scale)
-        lost = np.nonzero(~(sums >= TRUSTED))  # NaN, too
+        lost = np.unravel_index(np.flatnonzero(~(sums >= TRUSTED)), sums.shape)  # NaN, too
         sums[lost] = 1.0
         np.log(sums, out=sums)
         sums += self._scale

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from estimators.activity import ActivityTracker, ActivityTrackerConfig, Hypotheses, action_model
+from estimators.activity import (
+    ActivityTracker,
+    ActivityTrackerConfig,
+    Hypotheses,
+    action_model,
+    fixed_action_model,
+)
 from topoloc.geometry import rotate
 from topoloc.testing import check_estimator
 from topoloc.topo_map import Camera, Node, TopoMap
@@ -53,8 +62,13 @@ def motion(x: float = 0.0, y: float = 0.0, turn_deg: float = 0.0) -> Motion:
     return Motion(np.array([x, y, np.deg2rad(turn_deg)]), np.eye(3) * 1e-4)
 
 
-def tracker_at(start: Hypotheses, best: str, heading_deg: float) -> ActivityTracker:
-    tracker = ActivityTracker()
+def tracker_at(
+    start: Hypotheses,
+    best: str,
+    heading_deg: float,
+    config: ActivityTrackerConfig | None = None,
+) -> ActivityTracker:
+    tracker = ActivityTracker(config)
     tracker.reset(lab(), np.random.default_rng(0))
     tracker.restore(start, _row_of(start, best), np.deg2rad(heading_deg))
     return tracker
@@ -296,3 +310,108 @@ def test_supposed_places_grow_uncertain_until_a_win() -> None:
     np.testing.assert_allclose(np.diff(spreads, axis=0), 1e-4)
     tracker.update(seen({"1": 0.8}, 0.0))
     np.testing.assert_allclose(tracker.belief.spread, spreads[0])
+
+
+# --- fixed sigmas with an outlier floor, beside the thesis's rule (ours) --------------------------------------------
+
+FIXED = ActivityTrackerConfig(deviation="fixed")
+BARE = ActivityTrackerConfig(deviation="fixed", outlier_floor=0.0)
+
+
+@pytest.mark.parametrize("floor", [0.0, 0.2])
+def test_fixed_action_model_pair_by_pair(floor: float) -> None:
+    delta_l, delta_phi = np.array([[0.0, 1.0], [2.0, 0.5]]), np.array([[0.0, 0.3], [0.2, NAN]])
+    model = fixed_action_model(delta_l, delta_phi, 0.8, 0.5, floor)
+    place = np.exp([[0.0, -(1.0**2) / (2 * 0.64)], [-(2.0**2) / (2 * 0.64), -(0.5**2) / (2 * 0.64)]])
+    heading = np.exp([[0.0, -(0.3**2) / (2 * 0.25)], [-(0.2**2) / (2 * 0.25), 0.0]])
+    np.testing.assert_allclose(model, (1.0 - floor) * place * heading + floor)
+
+
+def test_fixed_sigmas_judge_a_pair_whatever_the_others_are() -> None:
+    """The thesis's largest deviation does not: a far hypothesis makes all others look near."""
+    near, both = np.array([[0.5]]), np.array([[0.5], [6.0]])
+    fixed = [fixed_action_model(delta, np.zeros_like(delta), 0.8, 0.5, 0.1)[0, 0] for delta in (near, both)]
+    largest = [action_model(delta, np.zeros_like(delta))[0, 0] for delta in (near, both)]
+    assert fixed[0] == fixed[1]
+    assert largest[0] == pytest.approx(np.exp(-0.5))
+    assert largest[1] > 0.99
+
+
+@pytest.mark.parametrize("config", [FIXED, BARE, ActivityTrackerConfig(deviation="fixed", match_power=4.0)])
+def test_contract_with_fixed_sigmas(config: ActivityTrackerConfig) -> None:
+    check_estimator(lambda: ActivityTracker(config))
+
+
+def looks_until_found(config: ActivityTrackerConfig, at_most: int) -> int | None:
+    """A robot sure to be at 8 is carried to 4 and turns there: looks until 4 wins; None if that takes more."""
+    tracker = ActivityTracker(config)
+    tracker.reset(lab(), np.random.default_rng(0))
+    for _ in range(3):
+        tracker.update(seen({"8": 0.75}, 0.0))
+    assert tracker.last is not None
+    assert tracker.last.node == row("8")
+    for look in range(1, at_most + 1):
+        tracker.predict(motion(turn_deg=12.0))
+        tracker.update(seen({"4": 0.75}, 100.0 + 12.0 * look))
+        if tracker.last.node == row("4"):
+            return look
+    return None
+
+
+@pytest.mark.parametrize("power", [1.0, 4.0])
+def test_a_kidnapping_needs_the_outlier_floor(power: float) -> None:
+    """Bare fixed sigmas take 2.8 m and 100 degrees for impossible, and answer with the odometry's d0 for long."""
+    late, soon = {1.0: (10, 3), 4.0: (4, 1)}[power]
+    assert looks_until_found(replace(BARE, match_power=power), late) is None
+    found = looks_until_found(replace(FIXED, match_power=power), late)
+    assert found is not None and found <= soon
+    thesis = looks_until_found(ActivityTrackerConfig(match_power=power), late)
+    assert thesis is not None and thesis <= 3
+
+
+def test_fixed_sigmas_believe_the_odometry_where_the_thesis_believes_a_better_match() -> None:
+    """One metre on from 8 the robot is at 1; a match at 4, far off and somewhat better, is a look-alike."""
+    winners = {}
+    for name, config in {"largest": ActivityTrackerConfig(), "fixed": FIXED}.items():
+        tracker = tracker_at(origins(["8", "4"], [0.9, 0.1], 0.0), "8", 0.0, config)
+        tracker.predict(motion(1.0))
+        tracker.update(seen({"1": 0.55, "4": 0.8}, 0.0))
+        assert tracker.last is not None
+        winners[name] = tracker.last.node
+    assert winners == {"largest": row("4"), "fixed": row("1")}
+
+
+def test_where_every_move_is_impossible_the_match_alone_decides() -> None:
+    """Without a floor Gaussians of 40 m underflow to zero for all pairs; 0 / 0 must not become the activity."""
+    tracker = tracker_at(origins(["8"], [1.0], 0.0), "8", 0.0, BARE)
+    tracker.predict(motion(40.0))
+    tracker.update(seen({"1": 0.6, "4": 0.9}, 0.0))
+    assert tracker.last is not None
+    np.testing.assert_allclose(tracker.last.destinations.activity, np.array([0.6, 0.9, 0.5]) / 2.0)
+
+
+@pytest.mark.parametrize(("power", "ratio"), [(1.0, 0.8 / 0.6), (4.0, (0.8 / 0.6) ** 4), (1e5, np.inf)])
+def test_power_of_the_match(power: float, ratio: float) -> None:
+    config = ActivityTrackerConfig(match_power=power)
+    tracker = tracker_at(origins(["8"], [1.0], NAN), "8", 0.0, config)
+    tracker.update(seen({"1": 0.8, "7": 0.6}, NAN))  # both one metre away
+    assert tracker.last is not None
+    activity = tracker.last.destinations.activity
+    assert activity.sum() == pytest.approx(1.0)
+    with np.errstate(divide="ignore"):
+        assert activity[0] / activity[1] == pytest.approx(ratio)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"deviation": "mean"}, "use one of: largest, fixed"),
+        ({"sigma_m": 0.0}, "sigma_m is 0.0"),
+        ({"sigma_deg": np.inf}, "sigma_deg inf"),
+        ({"outlier_floor": 1.0}, "outlier_floor is 1.0"),
+        ({"match_power": 0.0}, "match_power is 0.0"),
+    ],
+)
+def test_action_models_that_cannot_work_are_refused(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        ActivityTrackerConfig(**settings)

@@ -11,9 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from estimators.activity import ActivityTracker
+from estimators.auxiliary import AuxiliaryParticleFilter
 from estimators.baselines import BestMatch, DeadReckoning
+from estimators.kalman import Kalman, MultiGaussian
 from estimators.markov import MarkovGrid
 from estimators.particle import ParticleFilter
+from estimators.sequence import SequenceMatching
+from estimators.voting import Voting
 from topoloc.estimate import mean_and_covariance, node_masses
 from topoloc.geometry import compose, rotate, wrap
 from topoloc.interfaces import Estimator
@@ -21,7 +25,21 @@ from topoloc.testing import check_estimator, evidence_for, toy_map
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Evidence, Motion, WeightedPoses
 
-ALL = [ActivityTracker, MarkovGrid, ParticleFilter, BestMatch, DeadReckoning]
+ALL: list[Callable[[], Estimator]] = [
+    ActivityTracker,
+    lambda: ActivityTracker(ActivityTracker.Config(deviation="fixed")),
+    MarkovGrid,
+    ParticleFilter,
+    lambda: ParticleFilter(ParticleFilter.Config(adaptive=True, weighting="pw3")),
+    AuxiliaryParticleFilter,
+    lambda: AuxiliaryParticleFilter(AuxiliaryParticleFilter.Config(adaptation="generic")),
+    Kalman,
+    MultiGaussian,
+    BestMatch,
+    DeadReckoning,
+    Voting,
+    SequenceMatching,
+]
 MAP = toy_map()
 GOOD = evidence_for(MAP, (0.3, 0.1, 0.5))
 EVIDENCES = {
@@ -193,7 +211,7 @@ def test_grid_turns_with_the_world_by_a_quarter() -> None:
 
 
 @pytest.mark.parametrize("angle", [0.4, 2.0, -2.9])
-@pytest.mark.parametrize("make", [BestMatch, DeadReckoning])
+@pytest.mark.parametrize("make", [BestMatch, DeadReckoning, Kalman, Voting, SequenceMatching])
 def test_baselines_turn_with_the_world_exactly(make: Callable[[], Estimator], angle: float) -> None:
     plain, _ = belief_in_world(make(), 0.0, (0.0, 0.0))
     other, _ = belief_in_world(make(), angle, (3.0, -7.0))

@@ -197,18 +197,6 @@ def test_kidnapped_robot_is_found_within_three_updates() -> None:
     assert node_masses(grid.belief, the_map)[5] > 0.9
 
 
-def test_a_robot_that_saw_nothing_may_have_been_carried_off() -> None:
-    """After blind updates one look elsewhere outweighs the past; in the midst of others it does not."""
-    for blind, found in ((2, True), (0, False)):
-        grid = grid_at((0.0, 0.0, 0.5), toy_map())
-        for place in [(0.0, 0.0, 0.5)] * 5:
-            grid.update(evidence_for(toy_map(), place))
-        for _ in range(blind):
-            grid.update(Evidence.blind())
-        grid.update(evidence_for(toy_map(), (2.0, 1.0, -2.0)))
-        assert (node_masses(grid.belief, toy_map())[5] > 0.5) == found
-
-
 @pytest.mark.parametrize("wrong", [{"resolution_m": 0.0}, {"reach_m": 0.1}, {"headings": 1}, {"recovery": 1.0}])
 def test_settings_that_cannot_work_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="it must"):
