@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from topoloc.geometry import Floats, nearest_on_segment
+from topoloc.geometry import Floats
 from topoloc.topo_map import TopoMap, inside_polygon
 from topoloc.types import Ints
 
@@ -34,15 +34,12 @@ class Walls:
     def __init__(self, topo_map: TopoMap, centres: Floats, reach: float) -> None:
         self._positions = topo_map.positions
         self._least = 2.0 * reach
-        edges = np.asarray(topo_map.edges)
-        nodes = np.arange(len(topo_map.nodes))
-        segments = np.concatenate([edges, np.column_stack([nodes, nodes])])
-        self._feet, nearest = _feet(centres, self._positions, segments)
-        self._ends: Ints = segments[nearest]  # (C, 2) nodes that the foot lies between
+        self._ends, self._feet = topo_map.nearest_way(centres)  # (C, 2) nodes that the foot lies between, (C, 2)
         inside = [inside_polygon(centres, polygon) for polygon in topo_map.free]
         self._polygons = np.array(inside, dtype=bool).reshape(len(inside), len(centres))
+        edges, count = np.asarray(topo_map.edges), len(topo_map.nodes)
         lengths = np.linalg.norm(np.diff(self._positions[edges], axis=1)[:, 0], axis=1)
-        self._graph = csr_array((np.maximum(lengths, 1e-9), (edges[:, 0], edges[:, 1])), shape=(len(nodes), len(nodes)))
+        self._graph = csr_array((np.maximum(lengths, 1e-9), (edges[:, 0], edges[:, 1])), shape=(count, count))
 
     def between(self, first: Ints, second: Ints) -> np.ndarray:
         """Whether a wall is between two cells, both given by index into ``centres``: (P,) and (P,) -> (P,) bool."""
@@ -78,15 +75,3 @@ class Walls:
     def _legs(self, cells: Ints) -> Floats:
         """(P, 2) from a cell's foot to the two nodes that it lies between [m]."""
         return np.asarray(np.linalg.norm(self._feet[cells][:, None] - self._positions[self._ends[cells]], axis=2))
-
-
-def _feet(points: Floats, positions: Floats, segments: Ints) -> tuple[Floats, Ints]:
-    """The point nearest to each of ``points`` (C, 2) on any segment (C, 2), and which segment that is (C,)."""
-    feet, nearest = np.zeros_like(points), np.zeros(len(points), dtype=np.int64)
-    shortest = np.full(len(points), np.inf)
-    for number, (a, b) in enumerate(segments):
-        foot = nearest_on_segment(points, positions[a], positions[b])
-        distance = np.linalg.norm(points - foot, axis=1)
-        nearer = distance < shortest - 1e-9  # of edges that meet, the first: their common node is the foot of both
-        feet[nearer], nearest[nearer], shortest[nearer] = foot[nearer], number, distance[nearer]
-    return feet, nearest

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import shlex
+import tomllib
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -29,6 +31,35 @@ def test_python_of_the_readme_prints_what_it_says(capsys: pytest.CaptureFixture[
     exec(compile(code, "README.md", "exec"), {})
     (promised,) = re.findall(r"It prints `([^`]+)`", (ROOT / "README.md").read_text())
     assert capsys.readouterr().out.strip() == promised
+
+
+def test_estimator_of_the_docs_keeps_the_contract() -> None:
+    namespace: dict[str, Any] = {}
+    code = blocks(ROOT / "docs" / "estimator.md", "python")
+    assert "check_estimator(NodeTracker)" in code[-1]
+    for part in code:
+        exec(compile(part, "estimator.md", "exec"), namespace)
+
+
+def test_estimator_of_the_docs_is_known_by_its_entry_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As pip would install what the page's pyproject says, beside a file with the page's class."""
+    page = ROOT / "docs" / "estimator.md"
+    (toml,) = blocks(page, "toml")
+    project = tomllib.loads(toml)["project"]
+    (tmp_path / "nodetracker.py").write_text(blocks(page, "python")[0])
+    installed = tmp_path / f"{project['name']}-{project['version']}.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text(f"Name: {project['name']}\nVersion: {project['version']}\n")
+    groups = [(group, line) for group, lines in project["entry-points"].items() for line in lines.items()]
+    points = "".join(f"[{group}]\n{name} = {target}\n" for group, (name, target) in groups)
+    (installed / "entry_points.txt").write_text(points)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert "nodes" in plugins.names(plugins.ESTIMATORS)
+    estimator: Any = plugins.make_estimator("nodes", {"renewal": "0.2"})
+    assert estimator.config.renewal == 0.2
+    (setting,) = plugins.settings_of(type(estimator))
+    assert (setting.name, setting.default) == ("renewal", "0.1")
+    assert setting.text.startswith("probability")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -42,12 +42,18 @@ def between(start: ArrayLike, end: ArrayLike) -> Floats:
 
 
 def nearest_on_segment(points: ArrayLike, start: ArrayLike, end: ArrayLike) -> Floats:
-    """Points (P, 2) of the segment between ``start`` and ``end`` (2,), each the nearest to one of ``points`` (P, 2)."""
+    """Points (P, 2) of segments, each the nearest to one of ``points`` (P, 2).
+
+    Args:
+        points: (P, 2).
+        start: (2,) of one segment, or (P, 2) of one for each point.
+        end: alike.
+    """
     point, a = np.asarray(points, dtype=np.float64), np.asarray(start, dtype=np.float64)
     along = np.asarray(end, dtype=np.float64) - a
-    length = max(float(along @ along), 1e-12)  # of a segment that is one point: any share of it will do
-    share = np.clip((point - a) @ along / length, 0.0, 1.0)
-    return np.asarray(a + share[:, None] * along)
+    length = np.maximum((along**2).sum(axis=-1), 1e-12)  # of a segment that is one point: any share of it will do
+    share = np.clip(((point - a) * along).sum(axis=-1) / length, 0.0, 1.0)
+    return np.asarray(a + share[..., None] * along)
 
 
 def circular_mean(angles: ArrayLike, weights: ArrayLike | None = None) -> float:

@@ -17,6 +17,10 @@ from topoloc.types import Image, Ints
 
 MOST_CELLS = 4_000_000
 """More cells than this are a stray node or a resolution in the wrong unit, not a building."""
+WAY_POINT_M = 0.05
+"""Between the points of an edge that a position's nearest edge is looked for by [m]."""
+MOST_WAY_POINTS = 1_000_000
+"""Where there would be more of them, they are farther apart."""
 EDGE_REACH = 1.5
 """Without a list of edges, nodes closer than this many times the median nearest spacing are joined."""
 
@@ -168,13 +172,42 @@ class TopoMap:
         pairs = np.asarray(self.edges)
         return frozenset((int(a), int(b)) for a, b in np.concatenate([pairs, pairs[:, ::-1]]))
 
+    def nearest_way(self, positions: ArrayLike) -> tuple[Ints, Floats]:
+        """The edge or node nearest to each position (P, 2) [m].
+
+        Returns:
+            The two nodes (P, 2) that the edge joins, twice the same for a node, and its nearest point (P, 2) [m]. Of
+            ways that are as near, but for ``WAY_POINT_M`` / 2, either.
+        """
+        points = np.asarray(positions, dtype=np.float64)
+        tree, ends, _ = self._way_points
+        nearest = ends[tree.query(points)[1]]
+        return nearest, nearest_on_segment(points, self.positions[nearest[:, 0]], self.positions[nearest[:, 1]])
+
+    @cached_property
+    def _way_points(self) -> tuple[cKDTree, Ints, float]:
+        """Points of all edges and nodes, which two nodes each lies between (N, 2), and how far apart they are [m]."""
+        nodes = np.arange(len(self.nodes))
+        ways = np.concatenate([np.asarray(self.edges), np.column_stack([nodes, nodes])])
+        start, end = self.positions[ways[:, 0]], self.positions[ways[:, 1]]
+        lengths = np.linalg.norm(end - start, axis=1)
+        spacing = max(WAY_POINT_M, float(lengths.sum()) / MOST_WAY_POINTS)
+        parts = np.ceil(lengths / spacing).astype(np.int64) + 1
+        way = np.repeat(np.arange(len(ways)), parts)
+        number = np.arange(len(way)) - np.repeat(np.cumsum(parts) - parts, parts)
+        share = number / np.maximum(parts - 1, 1)[way]
+        return cKDTree(start[way] + share[:, None] * (end - start)[way]), ways[way], spacing
+
     def is_free(self, positions: ArrayLike, reach: float) -> np.ndarray:
         """Whether the robot may be at positions (P, 2): within ``reach`` [m] of a node or an edge, or in ``free``."""
         points = np.asarray(positions, dtype=np.float64)
-        inside = self.distance_to_nearest(points) <= reach
-        for a, b in np.asarray(self.edges):
-            foot = nearest_on_segment(points, self.positions[a], self.positions[b])
-            inside |= np.linalg.norm(points - foot, axis=1) <= reach
+        tree, _, spacing = self._way_points
+        distance = tree.query(points)[0]  # to a point of the ways; to the ways themselves it may be less
+        inside = np.asarray(distance <= reach)
+        doubtful = np.flatnonzero(~inside & (distance <= np.hypot(reach, spacing / 2.0) + 1e-9))
+        for a, b in np.asarray(self.edges) if len(doubtful) else ():
+            foot = nearest_on_segment(points[doubtful], self.positions[a], self.positions[b])
+            inside[doubtful] |= np.linalg.norm(points[doubtful] - foot, axis=1) <= reach
         for polygon in self.free:
             inside |= inside_polygon(points, polygon)
         return inside

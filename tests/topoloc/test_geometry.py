@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from topoloc.geometry import between, circular_mean, compose, inverse, rotate, wrap
+from topoloc.geometry import between, circular_mean, compose, inverse, nearest_on_segment, rotate, wrap
 
 metres = st.floats(-50.0, 50.0)
 angles = st.floats(-math.pi, math.pi, exclude_max=True)
@@ -109,3 +109,17 @@ def test_circular_mean_across_the_seam() -> None:
     assert abs(circular_mean([math.pi - 0.1, -math.pi + 0.1])) == pytest.approx(math.pi)
     assert circular_mean([math.pi - 0.1, -math.pi + 0.3]) == pytest.approx(-math.pi + 0.1)
     assert circular_mean([0.0, math.pi / 2], [0.0, 1.0]) == pytest.approx(math.pi / 2)
+
+
+@given(st.lists(st.tuples(*[st.floats(-9, 9)] * 6), min_size=1, max_size=9))
+def test_nearest_point_of_a_segment(rows: list[tuple[float, ...]]) -> None:
+    """Against a fine search along it; a segment each, and one for all, agree."""
+    table = np.array(rows)
+    point, start, end = table[:, :2], table[:, 2:4], table[:, 4:]
+    foot = nearest_on_segment(point, start, end)
+    along = start[:, None] + np.linspace(0.0, 1.0, 201)[:, None] * (end - start)[:, None]
+    searched = np.linalg.norm(along - point[:, None], axis=2).min(axis=1)
+    distance = np.linalg.norm(foot - point, axis=1)
+    assert (distance <= searched + 1e-9).all()
+    assert (distance >= searched - 26.0 / 200.0).all()
+    np.testing.assert_allclose(nearest_on_segment(point, start[0], end[0])[0], foot[0], atol=1e-12)

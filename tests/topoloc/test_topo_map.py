@@ -4,8 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from topoloc.topo_map import Camera, Node, TopoMap
+from topoloc.geometry import nearest_on_segment
+from topoloc.topo_map import WAY_POINT_M, Camera, Node, TopoMap
 
 
 def map_of(places: list[tuple[float, float]], **fields: object) -> TopoMap:
@@ -114,6 +117,24 @@ class TestFreeArea:
         middle = np.array([[4.0, 0.0]])
         assert map_of(LINE, edges=np.array([[2, 3]])).is_free(middle, 0.3).all()
         assert not map_of(LINE, edges=np.array([[0, 1]])).is_free(middle, 0.3).any()
+
+    @given(st.integers(0, 10_000), st.sampled_from([0.01, 0.3, 0.75]))
+    @settings(max_examples=30, deadline=None)
+    def test_against_every_edge(self, seed: int, reach: float) -> None:
+        rng = np.random.default_rng(seed)
+        the_map = map_of([tuple(place) for place in rng.uniform(0, 4, (6, 2))], edges=rng.integers(0, 6, (5, 2)))
+        points = rng.uniform(-1, 5, (300, 2))
+        ways = [*np.asarray(the_map.edges), *((k, k) for k in range(6))]
+        feet = np.stack([nearest_on_segment(points, *the_map.positions[list(way)]) for way in ways])
+        distance = np.linalg.norm(feet - points, axis=2)
+        assert np.array_equal(the_map.is_free(points, reach), distance.min(axis=0) <= reach)
+        ends, found = the_map.nearest_way(points)
+        assert (np.linalg.norm(found - points, axis=1) <= distance.min(axis=0) + WAY_POINT_M / 2.0).all()
+        assert {tuple(pair) for pair in ends} <= {tuple(way) for way in ways}
+
+    def test_an_edge_around_the_world_does_not_fill_the_memory(self) -> None:
+        far = map_of([(0.0, 0.0), (4e7, 0.0)], edges=np.array([[0, 1]]))
+        assert far.is_free(np.array([[1.23e7, 0.3], [1.23e7, 0.4]]), 0.35).tolist() == [True, False]
 
     def test_inside_polygons(self) -> None:
         the_map = map_of(LINE, free=(self.SQUARE,))
