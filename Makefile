@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help bench bench-quick speed test test-slow lint pictures realism constraints clean
+.PHONY: help bench bench-quick speed test test-slow lint pictures realism accuracy constraints clean
 
 help:
 	@echo "make bench        set up, then compare sensors and estimators in the simulated laboratory (about a minute)"
@@ -18,6 +18,7 @@ help:
 	@echo "make lint         ruff, mypy and the import contract"
 	@echo "make pictures     draw the pictures of the README and of docs/worlds.md again"
 	@echo "make realism      measure how hard the laboratory is, and write the table of docs/worlds.md (some minutes)"
+	@echo "make accuracy     measure how often each estimator is right, and write the tables of docs/estimators.md (minutes)"
 	@echo "make constraints  write constraints.txt anew from the newest versions"
 
 $(VENV)/.installed: pyproject.toml constraints.txt
@@ -65,6 +66,9 @@ pictures: $(VENV)/.installed
 
 realism: $(VENV)/.installed
 	@$(BIN)/python -m benchmarks.realism --write
+
+accuracy: $(VENV)/.installed
+	@$(BIN)/python -m benchmarks.accuracy --write
 
 constraints:
 	@rm -rf $(VENV)-newest && $(PYTHON) -m venv $(VENV)-newest

@@ -140,7 +140,12 @@ def fit_rule(name: str, drives: Sequence[Drive]) -> EstimateRule:
             features.append((1.0, sureness(mass), localizer.log_evidence, agreed))
             distance = np.linalg.norm(the_map.positions - pose[:2], axis=1)
             right.append(distance[estimate.node] <= distance.min() + RIGHT_WITHIN_M)
-    return EstimateRule(*(round(float(c), 2) for c in logistic(np.array(features), np.array(right), ridge=1e-3)))
+    clues = np.array(features)
+    telling = clues.std(axis=0) > 1e-9  # the mass of one pose is always 1, and some estimators tell no evidence
+    telling[0] = True
+    coefficients = np.zeros(clues.shape[1])
+    coefficients[telling] = logistic(clues[:, telling], np.array(right), ridge=1e-3)
+    return EstimateRule(*(round(float(c), 2) for c in coefficients))
 
 
 def logistic(features: Floats, right: np.ndarray, ridge: float = 0.0) -> Floats:

@@ -41,7 +41,7 @@ class AuxiliaryParticleFilterConfig:
 
     particles: int = 1000
     adaptation: Adaptation = "full"
-    recovery: float = 0.01
+    recovery: float = 0.02
     resolution_m: float = 0.25
     reach_m: float = 0.75
 
@@ -68,7 +68,9 @@ class AuxiliaryParticleFilter:
     """
 
     Config = AuxiliaryParticleFilterConfig
-    estimate_rule = EstimateRule()
+    estimate_rule = EstimateRule(
+        bias=0.86, gain=0.59, evidence_gain=0.35, agreement_gain=0.24
+    )  # benchmarks/calibration.py
 
     def __init__(self, config: AuxiliaryParticleFilterConfig | None = None) -> None:
         self.config = config or AuxiliaryParticleFilterConfig()

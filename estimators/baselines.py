@@ -30,7 +30,7 @@ class BestMatch:
     """
 
     Config = BestMatchConfig
-    estimate_rule = EstimateRule(bias=0.01, gain=0.08)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(bias=-1.41, gain=0.0, agreement_gain=0.75)  # benchmarks/calibration.py
 
     def __init__(self, config: BestMatchConfig | None = None) -> None:
         self.config = config or BestMatchConfig()
@@ -65,7 +65,9 @@ class DeadReckoning:
     """
 
     Config = DeadReckoningConfig
-    estimate_rule = EstimateRule(bias=-0.37, gain=0.14, mode_radius_m=np.inf)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(  # benchmarks/calibration.py
+        bias=-0.39, gain=0.15, agreement_gain=0.55, mode_radius_m=np.inf
+    )
 
     def __init__(self, config: DeadReckoningConfig | None = None) -> None:
         self.config = config or DeadReckoningConfig()

@@ -34,8 +34,8 @@ class FreeArea:
         self.centres: Floats = np.stack(np.meshgrid(self.xs, self.ys, indexing="ij"), axis=-1)[self.free]
         self._corner = np.array([self.xs[0], self.ys[0]]) - resolution / 2.0
         self._walls = Walls(topo_map, self.centres, reach)
-        number = np.where(self.free, np.cumsum(self.free).reshape(self.free.shape) - 1, -1)  # into centres
-        self._number = np.pad(number, 1, constant_values=-1)
+        self._number = np.where(self.free, np.cumsum(self.free).reshape(self.free.shape) - 1, -1)  # into centres
+        self._bordered = np.pad(self.free, 1)
         self._passages = dict[tuple[int, int], np.ndarray]()
 
     @property
@@ -45,7 +45,9 @@ class FreeArea:
 
     def contains(self, positions: Floats) -> np.ndarray:
         """Which of the positions (P, 2) [m] lie in a free cell: (P,) bool."""
-        return np.asarray(self._numbers(self._cells(positions)) >= 0)
+        columns, rows = (self._along(positions, axis) for axis in (0, 1))
+        at = (columns + 1.0) * self._bordered.shape[1] + rows + 1.0
+        return np.asarray(self._bordered.take(at.astype(np.int64)))
 
     def barred(self, start: Floats, end: Floats) -> np.ndarray:
         """Whether a wall is in the way of straight steps (P, 2) -> (P, 2) [m]: (P,) bool.
@@ -96,15 +98,19 @@ class FreeArea:
         barred[known] = self._walls.between(one[known], other[known])
         return barred
 
+    def _along(self, positions: Floats, axis: int) -> Floats:
+        """Cells (P,) along an axis, whole numbers, of positions (P, 2) [m]; far outside just outside."""
+        along = positions[:, axis] - self._corner[axis]
+        along /= self.resolution
+        np.floor(along, out=along)
+        return np.asarray(np.clip(along, -1.0, self.free.shape[axis], out=along))
+
     def _cells(self, positions: Floats) -> Ints:
         """Cells (P, 2) of positions (P, 2) [m]; far outside just outside."""
-        cells = np.empty(positions.shape, dtype=np.int64)
-        for axis, count in enumerate(self.free.shape):
-            along = np.floor((positions[:, axis] - self._corner[axis]) / self.resolution)
-            cells[:, axis] = np.clip(along, -1.0, float(count), out=along)
-        return cells
+        return np.stack([self._along(positions, axis) for axis in (0, 1)], axis=1).astype(np.int64)
 
     def _numbers(self, cells: Ints) -> Ints:
         """Index (P,) into ``centres`` of cells (P, 2); -1 where a cell is not free."""
-        columns, rows = (np.clip(cells[:, axis], -1, count) for axis, count in enumerate(self.free.shape))
-        return self._number.take((columns + 1) * self._number.shape[1] + rows + 1)
+        columns, rows = (np.clip(cells[:, axis], 0, count - 1) for axis, count in enumerate(self.free.shape))
+        inside = (columns == cells[:, 0]) & (rows == cells[:, 1])
+        return np.where(inside, self._number[columns, rows], -1)

@@ -46,7 +46,7 @@ class ParticleFilterConfig:
     particles: int = 1000
     resampling: str = "systematic"
     ess_threshold: float = 0.5
-    recovery: float = 0.01
+    recovery: float = 0.02
     resolution_m: float = 0.25
     reach_m: float = 0.75
     weighting: str = LIKELIHOOD
@@ -77,7 +77,9 @@ class ParticleFilter:
     """
 
     Config = ParticleFilterConfig
-    estimate_rule = EstimateRule(bias=1.07, gain=0.43, evidence_gain=0.49)  # benchmarks/calibration.py
+    estimate_rule = EstimateRule(
+        bias=0.89, gain=0.54, evidence_gain=0.28, agreement_gain=0.24
+    )  # benchmarks/calibration.py
 
     def __init__(self, config: ParticleFilterConfig | None = None) -> None:
         self.config = config or ParticleFilterConfig()

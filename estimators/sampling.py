@@ -5,14 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from estimators.resampling import systematic
-from topoloc.geometry import Floats, compose, covariance_root, wrap
+from topoloc.geometry import Floats, covariance_root, wrap
 from topoloc.types import Motion, WeightedPoses
+
+CACHED = 2**13
+"""Poses that are worked on at a time."""
 
 
 def sample_motion(poses: Floats, motion: Motion, rng: np.random.Generator) -> Floats:
     """Poses (N, 3) after a motion, each with its own draw of the noise, in the robot's frame before the step."""
-    noise = rng.normal(size=poses.shape) @ covariance_root(motion.covariance).T
-    return compose(poses, motion.delta + noise)
+    root = covariance_root(motion.covariance)
+    moved = np.empty_like(poses)
+    for first in range(0, len(poses), CACHED):  # by parts that stay in the cache
+        before, after = poses[first : first + CACHED], moved[first : first + CACHED]
+        along, across, turn = (motion.delta + rng.standard_normal(before.shape) @ root.T).T
+        cos, sin = np.cos(before[:, 2]), np.sin(before[:, 2])
+        after[:, 0] = before[:, 0] + cos * along - sin * across
+        after[:, 1] = before[:, 1] + sin * along + cos * across
+        after[:, 2] = wrap(before[:, 2] + turn)
+    return moved
 
 
 def sample_poses(distribution: WeightedPoses, n: int, rng: np.random.Generator) -> Floats:

@@ -288,17 +288,17 @@ def _print_tables(rows: Sequence[Row]) -> None:
     accuracy, position = summarize(rows, "node_accuracy"), summarize(rows, "position_median_m")
     for scenario in dict.fromkeys(row.scenario for row in rows):
         own = [row for row in rows if row.scenario == scenario]
-        estimators = list(dict.fromkeys(row.estimator for row in own))
+        sensors = list(dict.fromkeys(row.sensor for row in own))
         title = f"{escape(scenario)} (simulated): node accuracy, median position error"
-        heads = [escape(name).replace("-", "-\n") for name in estimators]  # narrow: five fit into 80 columns
-        table = Table("", *heads, title=title, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
-        for sensor in dict.fromkeys(row.sensor for row in own):
-            pairs = [(scenario, sensor, estimator) for estimator in estimators]
-            table.add_row(escape(sensor), *(_screen_cell(accuracy.get(pair), position.get(pair)) for pair in pairs))
+        heads = ("", *map(escape, sensors))
+        table = Table(*heads, title=title, title_justify="left", box=box.SIMPLE, padding=(0, 2, 0, 0))
+        for estimator in dict.fromkeys(row.estimator for row in own):
+            pairs = [(scenario, sensor, estimator) for sensor in sensors]
+            table.add_row(escape(estimator), *(_screen_cell(accuracy.get(pair), position.get(pair)) for pair in pairs))
         console.print(table)
 
 
 def _screen_cell(accuracy: Summary | None, position: Summary | None) -> str:
     if accuracy is None or position is None:
         return ""
-    return accuracy.text() if position.mean is None else f"{accuracy.text()}\n{position.mean:.2f} m"
+    return accuracy.text() if position.mean is None else f"{accuracy.text()}  {position.mean:.2f} m"

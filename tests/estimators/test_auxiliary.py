@@ -536,7 +536,7 @@ def test_kidnapped_robot_is_found_at_once(adaptation: str, seed: int) -> None:
 
 @pytest.mark.parametrize("adaptation", ADAPTATIONS)
 def test_all_particles_are_recovered_where_none_else_is_possible(adaptation: str) -> None:
-    particles = filter_on(WeightedPoses.uniform([[0.0, 0.0, 0.0]]), adaptation=adaptation)
+    particles = filter_on(WeightedPoses.uniform([[0.0, 0.0, 0.0]]), adaptation=adaptation, recovery=0.01)
     seen = evidence_of([[2.0, 0.9, 0.5]], 1.0, 0.05, 20.0, -np.inf)  # 40 sigma away
     assert particles.update(seen) == pytest.approx(
         np.log(0.01) + seen.log_mass - np.log(FreeArea(MAP, 0.25, 0.75).size)
@@ -612,7 +612,7 @@ def test_less_than_one_particle_is_recovered_in_the_mean() -> None:
     evidence = evidence_of([[2.0, 0.5, 0.0]], np.log(wanted / (2.0 * np.pi * 0.2**2)), 0.2, 20.0, -4.0)
     shares = []
     for seed in range(100):
-        particles = filter_on(WeightedPoses.uniform([[0.0, 0.0, 0.0]]), seed, particles=10)
+        particles = filter_on(WeightedPoses.uniform([[0.0, 0.0, 0.0]]), seed, particles=10, recovery=0.01)
         particles.update(evidence)
         shares.append(particles.belief.weights[particles.belief.poses[:, 0] > 1.0].sum())
     assert np.mean(shares) == pytest.approx(expected, abs=5.0 * 0.05 / np.sqrt(100))  # each share is 0 or 0.1

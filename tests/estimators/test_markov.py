@@ -1,11 +1,15 @@
 from __future__ import annotations
 
+import math
+import tracemalloc
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
+from estimators.free_area import FreeArea
 from estimators.markov import MarkovGrid
 from topoloc.estimate import mean_and_covariance, node_masses
 from topoloc.geometry import compose, rotate
@@ -89,6 +93,86 @@ def test_default_odometry_noise_gives_the_moments_of_a_simulation() -> None:
     assert np.abs(mean - true_mean).max() < 0.03
     # mass that changes layers keeps its cell, which costs about a tenth of the variance here
     np.testing.assert_allclose(np.diag(covariance), np.diag(true_covariance), rtol=0.15)
+
+
+def taps(variance: float) -> dict[int, float]:
+    """Shares by lag: three with the variance below half a cell^2, else a sampled Gaussian up to four deviations."""
+    if variance < 0.5:
+        return {-1: variance / 2.0, 0: 1.0 - variance, 1: variance / 2.0}
+    reach = math.ceil(4.0 * math.sqrt(variance))
+    gauss = {lag: math.exp(-(lag**2) / (2.0 * variance)) for lag in range(-reach, reach + 1)}
+    return {lag: share / sum(gauss.values()) for lag, share in gauss.items()}
+
+
+def cell_by_cell(grid: MarkovGrid, motion: Motion) -> np.ndarray:
+    """The mass (H, X, Y) that ``predict`` should give, each cell's carried on its own: shift, x, y, heading."""
+    area, size, layers = grid._area, grid.config.resolution_m, len(grid._mass)
+    turns = taps(motion.covariance[2, 2] / (2.0 * np.pi / layers) ** 2)
+    mass = np.zeros_like(grid._mass)
+    for layer, (heading, offset) in enumerate(zip(grid._headings, grid._offsets, strict=True)):
+        turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+        shift = np.rint((offset + turn @ motion.delta[:2]) / size).astype(int)
+        variances = np.diag(turn @ motion.covariance[:2, :2] @ turn.T) / size**2
+        along_x, along_y = map(taps, variances)
+        steps = [
+            {(int(shift[0]), int(shift[1])): 1.0},
+            {(lag, 0): share for lag, share in along_x.items()},
+            {(0, lag): share for lag, share in along_y.items()},
+        ]
+        moved = {(i, j): float(grid._mass[layer, i, j]) for i, j in np.argwhere(grid._mass[layer])}
+        for step in steps:
+            moved = carried(area, moved, step)
+        for (i, j), value in moved.items():
+            for lag, share in turns.items():
+                mass[(layer + lag) % layers, i, j] += share * value * area.free[i, j]
+    return np.asarray(mass / mass.sum())
+
+
+def carried(
+    area: FreeArea, mass: dict[tuple[int, int], float], shares: dict[tuple[int, int], float]
+) -> dict[tuple[int, int], float]:
+    """Masses by cell after steps by shares; those that leave the grid or cross a wall are lost."""
+    arrived: dict[tuple[int, int], float] = {}
+    for (i, j), value in mass.items():
+        for (columns, rows), share in shares.items():
+            end = (i + columns, j + rows)
+            inside = 0 <= end[0] < len(area.xs) and 0 <= end[1] < len(area.ys)
+            if inside and (not area.has_walls or area.passage(columns, rows)[end]):
+                arrived[end] = arrived.get(end, 0.0) + share * value
+    return arrived
+
+
+BACK_TO_BACK = TopoMap(
+    "two corridors back to back, joined at one end",
+    Camera(),
+    tuple(Node(str(k), "", x, y) for k, (x, y) in enumerate([(0, 0.4), (2, 0.4), (0, -0.4), (2, -0.4), (4.5, 0)])),
+    np.array([[0, 1], [2, 3], [1, 4], [3, 4]]),
+)
+
+
+@pytest.mark.parametrize("topo_map", [toy_map(), BACK_TO_BACK], ids=lambda topo_map: topo_map.name)
+@pytest.mark.parametrize("noise", [(0.0, 0.0, 0.0), (0.1, 0.05, 0.1), (0.45, 0.45, 0.6)])
+def test_predict_carries_each_cell_on_its_own(topo_map: TopoMap, noise: tuple[float, float, float]) -> None:
+    grid = MarkovGrid(MarkovGrid.Config(headings=8))
+    start = WeightedPoses(np.array([[0.1, 0.4, 0.3], [1.9, -0.3, -2.0]]), np.log([0.3, 0.7]), np.array([0.1, 0.1, 0.5]))
+    grid.reset(topo_map, np.random.default_rng(0), start)
+    for delta in ([0.31, 0.02, 0.2], [-0.4, 0.3, -1.0], [0.0, -0.1, 3.0]):
+        motion = Motion(np.array(delta), np.diag(np.square(noise)))
+        expected = cell_by_cell(grid, motion)
+        grid.predict(motion)
+        np.testing.assert_allclose(grid._mass, expected, atol=1e-15)
+
+
+def test_a_step_needs_little_more_memory_than_the_new_belief() -> None:
+    grid = grid_at((0.0, 0.0, 0.0), resolution_m=0.05)
+    motion = Motion(np.array([0.2, 0.1, 0.1]), np.diag([0.01, 0.01, 0.01]))
+    seen = evidence_for(HALL, (0.0, 0.0, 0.0))
+    for step in (partial(grid.predict, motion), partial(grid.update, seen)):
+        tracemalloc.start()
+        step()
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert peak < 1.5 * grid._mass.nbytes  # one new belief, and a few of its 24 layers
 
 
 @pytest.mark.parametrize("variance", [25.0, 1e4, 1e8])

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.resampling import RESAMPLERS, multinomial, residual, systematic
+from estimators.resampling import RESAMPLERS, multinomial, residual, stratified, systematic
 
 WEIGHTS = np.array([0.0, 0.05, 0.3, 0.0, 0.45, 0.2, 0.0])
 weight_lists = st.lists(st.floats(0.0, 1e6), min_size=1, max_size=30).filter(lambda w: sum(w) > 0.0)
@@ -51,6 +53,45 @@ def test_indices_are_n_and_never_of_weight_zero(name: str, weights: list[float],
     assert (np.array(weights)[chosen] > 0.0).all()
 
 
+class Same(np.random.Generator):
+    """Gives one number, whatever is asked for."""
+
+    def __init__(self, number: float) -> None:
+        super().__init__(np.random.PCG64(0))
+        self.number = number
+
+    def random(self, *args: int) -> Any:  # type: ignore[override]
+        return np.full(args, self.number) if args else self.number
+
+
+def searched(weights: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The same literally: each point's place in the cumulated weights; none lies at one or above."""
+    cumulated = np.cumsum(weights) / np.cumsum(weights)[-1]
+    return np.asarray(np.searchsorted(cumulated, np.minimum(points, np.nextafter(1.0, 0.0)), side="right"))
+
+
+even_and_awkward = st.lists(st.sampled_from([0.0, 1.0, 2.0, 1.0 / 3.0, 0.1, 1e-12, 1e6]), min_size=1, max_size=40)
+
+
+@given(
+    weight_lists | even_and_awkward.filter(any),
+    st.integers(1, 70),
+    st.sampled_from([0.0, 5e-324, 0.5, float(np.nextafter(1.0, 0.0))]) | st.floats(0.0, 1.0, exclude_max=True),
+)
+def test_counting_gives_the_indices_of_a_search(weights: list[float], n: int, number: float) -> None:
+    """Where points fall on the ends of shares, too: equal weights, and numbers that round."""
+    expected = searched(np.array(weights), (np.arange(n) + number) / n)
+    assert np.array_equal(systematic(weights, n, Same(number)), expected)
+    assert np.array_equal(stratified(weights, n, Same(number)), expected)
+
+
+@given(weight_lists | even_and_awkward.filter(any), st.integers(1, 70), seeds)
+def test_stratified_gives_the_indices_of_a_search(weights: list[float], n: int, seed: int) -> None:
+    points = (np.arange(n) + np.random.default_rng(seed).random(n)) / n
+    drawn = stratified(weights, n, np.random.default_rng(seed))
+    assert np.array_equal(drawn, searched(np.array(weights), points))
+
+
 @pytest.mark.parametrize("name", RESAMPLERS)
 def test_only_the_ratios_of_weights_count(name: str) -> None:
     whole, scaled = (RESAMPLERS[name](w, 20, np.random.default_rng(3)) for w in (WEIGHTS, WEIGHTS * 2.0**60))
@@ -58,11 +99,7 @@ def test_only_the_ratios_of_weights_count(name: str) -> None:
 
 
 def test_the_last_point_may_round_up_to_one() -> None:
-    class Highest(np.random.Generator):
-        def random(self, *args: object, **kwargs: object) -> float:  # type: ignore[override]
-            return float(np.nextafter(1.0, 0.0))
-
-    chosen = systematic([1.0, 1.0, 0.0], 10**6, Highest(np.random.PCG64(0)))
+    chosen = systematic([1.0, 1.0, 0.0], 10**6, Same(float(np.nextafter(1.0, 0.0))))
     assert chosen.max() == 1
 
 
