@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from estimators.resampling import systematic
-from topoloc.geometry import Floats, covariance_root, wrap
+from topoloc.geometry import Floats, cos_sin, covariance_root, wrap
 from topoloc.types import Motion, WeightedPoses
 
 CACHED = 2**13
@@ -18,8 +18,8 @@ def sample_motion(poses: Floats, motion: Motion, rng: np.random.Generator) -> Fl
     moved = np.empty_like(poses)
     for first in range(0, len(poses), CACHED):  # by parts that stay in the cache
         before, after = poses[first : first + CACHED], moved[first : first + CACHED]
-        along, across, turn = (motion.delta + rng.standard_normal(before.shape) @ root.T).T
-        cos, sin = np.cos(before[:, 2]), np.sin(before[:, 2])
+        along, across, turn = motion.delta[:, None] + root @ rng.standard_normal(before.shape).T
+        cos, sin = cos_sin(before[:, 2])
         after[:, 0] = before[:, 0] + cos * along - sin * across
         after[:, 1] = before[:, 1] + sin * along + cos * across
         after[:, 2] = wrap(before[:, 2] + turn)

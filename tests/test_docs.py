@@ -26,10 +26,11 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(), re.DOTALL)
 
 
-def test_python_of_the_readme_prints_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
-    (code,) = blocks(ROOT / "README.md", "python")
-    exec(compile(code, "README.md", "exec"), {})
-    (promised,) = re.findall(r"It prints `([^`]+)`", (ROOT / "README.md").read_text())
+@pytest.mark.parametrize("name", ["README.md", "docs/estimators.md"])
+def test_python_of_a_page_prints_what_it_says(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = blocks(ROOT / name, "python")
+    exec(compile(code, name, "exec"), {})
+    (promised,) = re.findall(r"It prints `([^`]+)`", (ROOT / name).read_text())
     assert capsys.readouterr().out.strip() == promised
 
 

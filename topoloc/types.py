@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import i0e, logsumexp
 
-from topoloc.geometry import Floats, compose, inverse, wrap
+from topoloc.geometry import Floats, compose, cos_sin, inverse, wrap
 
 Image = NDArray[np.uint8]
 Depth = NDArray[np.uint16]
@@ -204,7 +204,7 @@ class _Mixture:
     def _features(self, places: Floats, headings: Floats) -> Floats:
         """(6, N) of places (N, 2) with headings (N,); ``_coefficients`` @ them are the exponents of all terms."""
         x, y = places[:, 0] - self._centre[0], places[:, 1] - self._centre[1]
-        return np.stack([x * x + y * y, x, y, np.cos(headings), np.sin(headings), np.ones(len(x))])
+        return np.stack([x * x + y * y, x, y, *cos_sin(headings), np.ones(len(x))])
 
     @cached_property
     def _coefficients(self) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchmarks.speed.case import Case
 from benchmarks.speed.corridor import corridor_step
-from benchmarks.speed.grid import Hall, grid_predict
+from benchmarks.speed.grid import Hall, grid_predict, grid_update
 from benchmarks.speed.likelihood import log_likelihood, plain_log_likelihood
 from benchmarks.speed.particle_step import particle_filter_step
 from benchmarks.speed.resampling import filterpy_resampling, particles_resampling
@@ -20,6 +20,8 @@ CASES: tuple[Case, ...] = (
     grid_predict(Hall(40, 40)),
     grid_predict(Hall(400, 200)),
     grid_predict(Hall(200, 200, resolution_m=0.1, deviation_m=0.15)),
+    grid_update(Hall(40, 40)),
+    grid_update(Hall(400, 200)),
     corridor_step(10_000),
 )
 """Every comparison. One more is one more entry here."""

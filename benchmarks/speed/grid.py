@@ -1,4 +1,7 @@
-"""The grid's predict beside the same done with scipy: whole cells of motion, then a blur along x, y and heading."""
+"""The grid beside the same done with scipy and numpy.
+
+Its predict: whole cells of motion, then a blur along x, y and heading. Its update: Bayes' rule with some recovery.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from functools import partial
 
 import numpy as np
 from scipy.ndimage import correlate1d
+from scipy.special import i0e
 
 from benchmarks.speed.agreement import same_masses
 from benchmarks.speed.case import Case, Pair
@@ -17,6 +21,8 @@ from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Evidence, Motion, WeightedPoses
 
 CHECKED_STEPS = 5
+RECOVERY = 0.01
+"""Of the updates: without it repeated looks at the same would bring cells down to the least numbers there are."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +75,7 @@ class Hall:
     def our_grid(self) -> MarkovGrid:
         """Ours, after the first look."""
         size = self.resolution_m
-        grid = MarkovGrid(MarkovGrid.Config(resolution_m=size, reach_m=size, headings=self.headings, recovery=0.0))
+        grid = MarkovGrid(MarkovGrid.Config(resolution_m=size, reach_m=size, headings=self.headings, recovery=RECOVERY))
         grid.reset(self.topo_map, np.random.default_rng(0))
         grid.update(self.seen)
         return grid
@@ -78,7 +84,9 @@ class Hall:
 class ScipyGrid:
     """The same grid as a user of scipy would write it: ``correlate1d`` along each axis, slices for whole cells.
 
-    All layers have one kernel here, so that one call blurs them all.
+    All layers have one kernel here, so that one call blurs them all. Its likelihood is what a user of numpy would
+    write, who sees that the heading's factor is one for a layer: a Gaussian for each hypothesis, exponentiated as it
+    comes.
 
     Attributes:
         mass: (H, X, Y), sums to one.
@@ -87,14 +95,13 @@ class ScipyGrid:
     """
 
     def __init__(self, hall: Hall) -> None:
-        self._size, self._motion = hall.resolution_m, hall.motion
+        self._size, self._motion, self._seen = hall.resolution_m, hall.motion, hall.seen
         self.headings: Floats = wrap(2.0 * np.pi * np.arange(hall.headings) / hall.headings)
         self.offsets = np.zeros((hall.headings, 2))
         self._free = np.ones((hall.columns, hall.rows))
         self._place, self._heading = kernel(hall.place_variance), kernel(hall.heading_variance)
-        centres = (np.indices(self._free.shape).reshape(2, -1).T + 0.5) * self._size
-        likelihood = np.exp(hall.seen.log_likelihood(centres, self.headings[None])).T
-        self.mass: Floats = likelihood.reshape(hall.headings, hall.columns, hall.rows) / likelihood.sum()
+        self.mass: Floats = np.full((hall.headings, *self._free.shape), 1.0 / (hall.headings * self._free.size))
+        self.update()
 
     def predict(self) -> None:
         """Take in the motion."""
@@ -109,6 +116,24 @@ class ScipyGrid:
         mass = correlate1d(mass, self._heading, axis=0, mode="wrap") * self._free
         self.mass = mass / mass.sum()
         self.headings = wrap(self.headings + self._motion.delta[2])
+
+    def update(self) -> None:
+        """Take in what is seen."""
+        predicted = (1.0 - RECOVERY) * self.mass + RECOVERY / self.mass.size
+        likelihood = np.stack([self._likelihood(*layer) for layer in zip(self.offsets, self.headings, strict=True)])
+        joint = likelihood * predicted
+        self.mass = joint / joint.sum()
+
+    def _likelihood(self, offset: Floats, heading: float) -> Floats:
+        """(X, Y) of what is seen, at the cells of a layer."""
+        seen = self._seen
+        x, y = ((np.arange(count) + 0.5) * self._size for count in self._free.shape)
+        squared = (x[:, None, None] + offset[0] - seen.poses[:, 0]) ** 2 + (
+            y[:, None] + offset[1] - seen.poses[:, 1]
+        ) ** 2
+        turned = np.exp(seen.kappa * (np.cos(heading - seen.poses[:, 2]) - 1.0)) / i0e(seen.kappa)
+        gaussians = np.exp(-squared / (2.0 * seen.sigma**2))  # (X, Y, M)
+        return np.asarray(np.exp(seen.log_floor) + gaussians @ (np.exp(seen.log_likelihoods) * turned))
 
 
 def kernel(variance: float) -> Floats:
@@ -127,21 +152,37 @@ def _into(cells: int) -> slice:
 
 def grid_predict(hall: Hall) -> Case:
     """Ours beside scipy's separable filter."""
-    taps = len(kernel(hall.place_variance))
-    size = f"{hall.headings} x {hall.columns} x {hall.rows}, {taps} taps"
-    return Case("estimators", "grid-predict", size, "scipy.ndimage", (), partial(_pair, hall))
+    size = f"{_size(hall)}, {len(kernel(hall.place_variance))} taps"
+    return Case("estimators", "grid-predict", size, "scipy.ndimage", (), partial(_predict_pair, hall))
 
 
-def _pair(hall: Hall) -> Pair:
-    return Pair(partial(hall.our_grid().predict, hall.motion), ScipyGrid(hall).predict, partial(_agree, hall))
+def grid_update(hall: Hall) -> Case:
+    """Ours beside plain numpy."""
+    size = f"{_size(hall)}, {len(hall.seen.poses)} hypotheses"
+    return Case("estimators", "grid-update", size, "numpy, plain", (), partial(_update_pair, hall))
 
 
-def _agree(hall: Hall) -> bool:
-    """The same masses after a few steps."""
+def _size(hall: Hall) -> str:
+    return f"{hall.headings} x {hall.columns} x {hall.rows}"
+
+
+def _predict_pair(hall: Hall) -> Pair:
+    return Pair(partial(hall.our_grid().predict, hall.motion), ScipyGrid(hall).predict, partial(_agree, hall, False))
+
+
+def _update_pair(hall: Hall) -> Pair:
+    return Pair(partial(hall.our_grid().update, hall.seen), ScipyGrid(hall).update, partial(_agree, hall, True))
+
+
+def _agree(hall: Hall, looking: bool) -> bool:
+    """The same masses after a few steps, with or without a look after each."""
     ours, peers = hall.our_grid(), ScipyGrid(hall)
     for _ in range(CHECKED_STEPS):
         ours.predict(hall.motion)
         peers.predict()
+        if looking:
+            ours.update(hall.seen)
+            peers.update()
     return same_masses(_on_the_cells_of(peers, ours.belief, hall), peers.mass)
 
 

@@ -289,4 +289,10 @@ def test_every_kernel_has_its_variance() -> None:
 def test_every_comparison_is_in_the_list_once() -> None:
     rows = [(case.what, case.size, case.peer) for case in registry.CASES]
     assert len(set(rows)) == len(rows)
-    assert {case.what for case in registry.CASES} == {"particle-step", "resampling", "grid-predict", "grid-1d"}
+    assert {case.what for case in registry.CASES} == {
+        "particle-step",
+        "resampling",
+        "grid-predict",
+        "grid-update",
+        "grid-1d",
+    }

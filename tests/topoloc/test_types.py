@@ -14,7 +14,7 @@ from scipy.integrate import quad
 from scipy.special import i0e
 from scipy.stats import norm, vonmises
 
-from topoloc.geometry import circular_mean, compose, inverse, wrap
+from topoloc.geometry import circular_mean, compose, cos_sin, inverse, wrap
 from topoloc.types import Evidence, Frame, Motion, WeightedPoses, _Mixture
 
 NAMES = ("poses", "nodes", "match", "distance", "log_likelihoods", "sigma", "kappa")
@@ -87,6 +87,19 @@ def extreme_evidence(draw: st.DrawFn) -> Evidence:
         kappa=rng.choice(draw(st.sampled_from([[0.0], [0.0, 20.0], [0.3, 1e4, 1e6]])), count),
         log_floor=draw(st.sampled_from([-4.0, 2.0, -600.0, -645.0, -700.0, -1e6, -np.inf])),
     )
+
+
+class TestCosSin:
+    @given(st.lists(st.floats(-1e6, 1e6), max_size=20))
+    def test_equals_numpys_cosine_and_sine(self, angles: list[float]) -> None:
+        cos, sin = cos_sin(np.array(angles, dtype=np.float64))
+        np.testing.assert_allclose(cos, np.cos(angles), rtol=0.0, atol=4e-16)
+        np.testing.assert_allclose(sin, np.sin(angles), rtol=0.0, atol=4e-16)
+
+    def test_at_quarters_of_the_circle_where_tangents_are_largest(self) -> None:
+        angles = np.array([quarters * np.pi / 2.0 for quarters in range(-8, 9)])
+        angles = np.concatenate([np.nextafter(angles, -np.inf), angles, np.nextafter(angles, np.inf)])
+        np.testing.assert_allclose(cos_sin(angles), (np.cos(angles), np.sin(angles)), rtol=0.0, atol=4e-16)
 
 
 class TestWeightedPoses:
