@@ -73,12 +73,12 @@ class Answers:
 def answers(seed: int, estimators: Sequence[str], laps: float = LAPS) -> dict[str, Answers]:
     """All answers of one seed, by estimator; each sensor looks at each frame once."""
     with threadpool_limits(1):
-        long = {name: watched("ima", replace(world, laps=laps), seed)[0] for name, world in CONDITIONS.items()}
+        long = {name: watched("ima", replace(world, laps=laps), seed) for name, world in CONDITIONS.items()}
         carried = {
-            name: [watched("ima", _kidnapped(CONDITIONS[name], *event), seed)[0] for event in KIDNAPPINGS]
+            name: [watched("ima", _kidnapped(CONDITIONS[name], *event), seed) for event in KIDNAPPINGS]
             for name in ("fresh", "old")
         }
-        told = [watched(sensor, world, seed)[0] for sensor in plugins.names(plugins.SENSORS) for world in SCENARIOS]
+        told = [watched(sensor, world, seed) for sensor in plugins.names(plugins.SENSORS) for world in SCENARIOS]
         return {name: _answers_of(name, seed, long, carried, told) for name in estimators}
 
 
@@ -190,12 +190,16 @@ def main() -> None:
     parser.add_argument("--estimators", nargs="+", default=plugins.names(plugins.ESTIMATORS))
     parser.add_argument("--write", action="store_true", help=f"put the tables into docs/{DOCUMENT.name}")
     words = parser.parse_args()
+    for name in words.estimators:
+        plugins.load(plugins.ESTIMATORS, name)  # a slip of the finger shows before the driving
     seeds = range(words.first_seed, words.first_seed + words.seeds)
     measured = measure_all(seeds, words.estimators, words.laps)
     tables = table(measured) + "\n" + reliability(measured)
     print(tables)
     if words.write:
         text = DOCUMENT.read_text(encoding="utf-8")
+        if BEGIN not in text or END not in text:
+            raise SystemExit(f"{DOCUMENT}: the lines around the tables are gone; put them back")
         before, after = text.partition(BEGIN)[0], text.partition(END)[2]
         write_text(DOCUMENT, before + BEGIN + tables + END + after)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
@@ -48,32 +49,33 @@ class Scale:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive with what a sensor saw on it."""
+    """A drive with what a sensor, fitted to its map, saw on it."""
 
     world: WorldSettings
     simulation: Simulation
     evidence: dict[float, Evidence]
+    sensor: Any
 
 
-def watched(name: str, world: WorldSettings, seed: int) -> tuple[Drive, float]:
-    """A drive through the laboratory with what a sensor saw, and the sensor's own zero of the match."""
+def watched(name: str, world: WorldSettings, seed: int) -> Drive:
+    """A drive through the laboratory with what a sensor saw."""
     simulation = LabWorld(world).simulate(seed)
     sensor = plugins.make(plugins.SENSORS, name)
     sensor.fit(simulation.topo_map)
     seen = {frame.timestamp: sensor.observe(frame) for frame in simulation.frames}
-    return Drive(world, simulation, seen), sensor.base_match
+    return Drive(world, simulation, seen, sensor)
 
 
-def fit_scale(seen: Sequence[tuple[Drive, float]]) -> Scale:
+def fit_scale(seen: Sequence[Drive]) -> Scale:
     """Logistic regression of a hypothesis being right on its match, the share of right ones taken out."""
     above, right, headings = [], [], []
-    for drive, base in seen:
+    for drive in seen:
         for frame, pose in zip(drive.simulation.frames, drive.simulation.truth, strict=True):
             evidence = drive.evidence[frame.timestamp].of_robot(frame.camera)
             distance = np.linalg.norm(evidence.poses[:, :2] - pose[:2], axis=1)
             turn = np.rad2deg(wrap(evidence.poses[:, 2] - pose[2]))
             near = distance <= NEAR_M  # of the place: the likelihood has the heading averaged out
-            above.append(evidence.match - base)
+            above.append(evidence.match - drive.sensor.base_match)
             right.append(near)
             headings.append(turn[near & (np.abs(turn) <= NEAR_DEG)])
     match, hit = np.concatenate(above), np.concatenate(right)
@@ -83,7 +85,7 @@ def fit_scale(seen: Sequence[tuple[Drive, float]]) -> Scale:
     return Scale(float(slope), float(margin), share, float(np.std(np.concatenate(headings))))
 
 
-def fit_heading(seen: Sequence[tuple[Drive, float]], most: float) -> tuple[float, float]:
+def fit_heading(seen: Sequence[Drive], most: float) -> tuple[float, float]:
     """By maximum likelihood, how the heading's concentration falls with the match of hypotheses near the truth.
 
     kappa = most * exp(fall * min(match - base - margin, 0)).
@@ -92,11 +94,11 @@ def fit_heading(seen: Sequence[tuple[Drive, float]], most: float) -> tuple[float
         The fall and the margin.
     """
     above, turns = [], []
-    for drive, base in seen:
+    for drive in seen:
         for frame, pose in zip(drive.simulation.frames, drive.simulation.truth, strict=True):
             evidence = drive.evidence[frame.timestamp].of_robot(frame.camera)
             near = np.linalg.norm(evidence.poses[:, :2] - pose[:2], axis=1) <= NEAR_M
-            above.append(evidence.match[near] - base)
+            above.append(evidence.match[near] - drive.sensor.base_match)
             turns.append(evidence.poses[near, 2] - pose[2])
     match, turned = np.concatenate(above), np.cos(np.concatenate(turns)) - 1.0
 
@@ -163,7 +165,7 @@ def main() -> None:
     drives = []
     for name in ("ima", "histogram"):
         seen = [watched(name, world, seed) for world in WORLDS for seed in SEEDS]
-        drives += [drive for drive, _ in seen]
+        drives += seen
         scale = fit_scale(seen)
         print(
             f"{name}: slope {scale.slope:.1f}, margin {scale.margin:.3f} "

@@ -1,4 +1,4 @@
-"""Estimators: evidence + motion -> belief. numpy and scipy only; each usable alone."""
+"""Estimators: evidence + motion -> belief. numpy and scipy only, filterpy for Kalman; each usable alone."""
 
 from __future__ import annotations
 

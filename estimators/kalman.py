@@ -71,8 +71,8 @@ class MultiGaussianConfig:
     def __post_init__(self) -> None:
         if self.components < 1:
             raise ValueError(f"components is {self.components}; it must be at least 1")
-        if not 0.0 <= self.recovery < 1.0:
-            raise ValueError(f"recovery is {self.recovery}; it must lie in [0, 1)")
+        if not 0.0 <= self.recovery <= 0.5:
+            raise ValueError(f"recovery is {self.recovery}; it must lie in [0, 0.5]")
         if not 0.0 <= self.negligible < 1.0:
             raise ValueError(f"negligible is {self.negligible}; it must lie in [0, 1)")
         if not 0.0 < self.overlap <= 1.0:

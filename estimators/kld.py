@@ -35,8 +35,9 @@ class KLD:
     def __post_init__(self) -> None:
         if self.least < 2:
             raise ValueError(f"least is {self.least}; it must be at least 2")
-        if self.error <= 0.0 or self.bin_m <= 0.0 or self.bin_deg <= 0.0:
-            raise ValueError("error, bin_m and bin_deg must be positive")
+        for name in ("error", "bin_m", "bin_deg"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be positive and finite")
         if not 0.5 <= self.confidence < 1.0:
             raise ValueError(f"confidence is {self.confidence}; it must lie in [0.5, 1)")
 

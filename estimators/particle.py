@@ -32,7 +32,8 @@ class ParticleFilterConfig:
     Attributes:
         particles: how many; with ``adaptive`` at most.
         resampling: ``systematic``, ``stratified``, ``residual`` or ``multinomial``.
-        ess_threshold: resample when the effective sample size falls below this share of the particles.
+        ess_threshold: resample when the effective sample size falls below this share of the particles; at 1 after each
+            update that sees something.
         recovery: probability, at each update, that the robot is anywhere in the free area instead; as the grid's.
         resolution_m: side of the cells that the free area is made of [m]; as the grid's.
         reach_m: how far from a node or an edge the robot may be [m]; as the grid's.
@@ -168,7 +169,7 @@ class ParticleFilter:
     def _resample(self) -> None:
         weights = np.exp(self._log_weights)
         effective = 1.0 / (weights @ weights)
-        if effective >= self.config.ess_threshold * len(self._poses) and not self.config.adaptive:
+        if effective >= self.config.ess_threshold * len(self._poses):
             return
         chosen = RESAMPLERS[self.config.resampling](weights, self.config.particles, self._rng)
         if self.config.adaptive:

@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 
 class UserError(Exception):
     """A mistake of the user's. Its text is one line that says what is wrong and what to do; exit code 2."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """So that it comes back whole from another process, whatever its subclass asks for when it is made."""
+        return _restored, (type(self), self.args, self.__dict__)
+
+
+def _restored(kind: type[UserError], args: tuple[Any, ...], state: dict[str, Any]) -> UserError:
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(state)
+    return error
 
 
 class InputError(UserError):

@@ -14,7 +14,7 @@ from topoloc.types import Estimate, Evidence, Status, WeightedPoses
 SUREST = 0.999
 """A belief of samples or cells that is surer than this says nothing by it."""
 SURPRISE = -20.0
-"""A log-likelihood below this counts as this: one impossible look must not outweigh all else."""
+"""A log-likelihood below this counts as this, and above its opposite as that: one look must not outweigh all else."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +57,12 @@ class EstimateRule:
 def agreement(evidence: Evidence | None, pose: Floats) -> float:
     """Log-likelihood of a look at a pose (3,): above 0 it speaks for the pose; 0 for a blind look, or none.
 
-    At least ``SURPRISE``.
+    No farther from 0 than ``SURPRISE``.
     """
     if evidence is None or evidence.is_blind:
         return 0.0
-    return max(float(evidence.log_likelihood(pose[None, :2], pose[None, 2:])[0, 0]), SURPRISE)
+    there = float(evidence.log_likelihood(pose[None, :2], pose[None, 2:])[0, 0])
+    return min(max(there, SURPRISE), -SURPRISE)
 
 
 def sureness(mass: float) -> float:

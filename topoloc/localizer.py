@@ -114,7 +114,7 @@ class Localizer:
 
     def _remember(self, log_evidence: float | None) -> None:
         if log_evidence is not None:
-            share, news = self.rule.evidence_memory, max(log_evidence, SURPRISE)
+            share, news = self.rule.evidence_memory, min(max(log_evidence, SURPRISE), -SURPRISE)
             self.log_evidence = share * self.log_evidence + (1.0 - share) * news
 
 

@@ -74,8 +74,17 @@ MOTIONS = {
 }
 
 
-def is_whole(belief: WeightedPoses) -> bool:
-    return bool(np.isclose(belief.weights.sum(), 1.0) and np.isfinite(belief.poses).all())
+def is_whole(estimator: Estimator) -> bool:
+    """Whether the belief is finite and sums to one as it is held: ``WeightedPoses.weights`` would hide a wrong sum."""
+    held = 1.0
+    if isinstance(estimator, MarkovGrid):
+        held = float(estimator._mass.sum())
+    elif isinstance(estimator, ParticleFilter | AuxiliaryParticleFilter):
+        held = float(np.exp(estimator._log_weights).sum())
+    elif isinstance(estimator, ActivityTracker):
+        held = float(estimator._origins.activity.sum())
+    belief = estimator.belief
+    return bool(np.isclose(held, 1.0) and np.isclose(belief.weights.sum(), 1.0) and np.isfinite(belief.poses).all())
 
 
 @pytest.mark.parametrize("make", ALL)
@@ -91,10 +100,10 @@ def test_belief_sums_to_one_after_anything(make: Callable[[], Estimator], drive:
     estimator.reset(MAP, np.random.default_rng(0))
     for motion, evidence in drive:
         estimator.predict(MOTIONS[motion])
-        assert is_whole(estimator.belief)
+        assert is_whole(estimator)
         log_evidence = estimator.update(EVIDENCES[evidence])
         assert log_evidence is None or not np.isnan(log_evidence)
-        assert is_whole(estimator.belief)
+        assert is_whole(estimator)
 
 
 @pytest.mark.parametrize("make", ALL)
@@ -105,7 +114,7 @@ def test_a_thousand_blind_steps(make: Callable[[], Estimator]) -> None:
     for _ in range(1000):
         estimator.predict(MOTIONS["calm"])
         assert estimator.update(Evidence.blind()) is None
-    assert is_whole(estimator.belief)
+    assert is_whole(estimator)
     covariance = mean_and_covariance(estimator.belief.poses, estimator.belief.weights, estimator.belief.spread)[1]
     assert np.isfinite(covariance).all()
 
@@ -287,8 +296,40 @@ def test_order_of_hypotheses_does_not_matter_to_samplers_in_distribution(name: s
     assert np.allclose(np.array(log_evidence, float), np.array(other_evidence, float), atol=0.1)
 
 
+SCALED = [make for make in ALL if make not in (EXACT[0], EXACT[1], EXACT[5], EXACT[6], EXACT[7])]
+"""Those that tell log p(evidence | past): not the tracker, the best match, dead reckoning and voting."""
+
+
+@pytest.mark.parametrize("make", [make for make in SCALED if make is not SAMPLERS[1]])
+def test_log_evidence_is_on_the_scale_of_the_evidence(make: Callable[[], Estimator]) -> None:
+    """A look that is e^5 times likelier everywhere is e^5 times as likely, whatever was believed."""
+    told = []
+    for more in (0.0, 5.0):
+        estimator = make()
+        estimator.reset(MAP, np.random.default_rng(4), WeightedPoses.uniform([[0.2, 0.1, 0.5]], [0.01, 0.01, 0.01]))
+        estimator.update(GOOD)
+        estimator.predict(MOTIONS["calm"])
+        look = evidence_for(MAP, (0.5, 0.1, 0.6))
+        look = replace(look, log_likelihoods=look.log_likelihoods + more, log_floor=look.log_floor + more)
+        told.append(estimator.update(look))
+    assert told[0] is not None and told[1] is not None
+    assert told[1] - told[0] == pytest.approx(5.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("make", SAMPLERS)
+def test_samples_outlive_a_thousand_blind_looks_of_a_robot_that_stands(make: Callable[[], Estimator]) -> None:
+    estimator = make()
+    estimator.reset(MAP, np.random.default_rng(0))
+    for _ in range(3):
+        estimator.update(GOOD)
+    before = len(np.unique(estimator.belief.poses, axis=0))
+    for _ in range(1000):
+        estimator.update(Evidence.blind())
+    assert len(np.unique(estimator.belief.poses, axis=0)) > 0.5 * before
+
+
 def test_an_estimator_is_usable_alone() -> None:
     the_map = TopoMap("two rooms", Camera(), (Node("a", "here", 0.0, 0.0), Node("b", "there", 2.0, 0.0)))
     grid = MarkovGrid()
     grid.reset(the_map, np.random.default_rng(0))
-    assert is_whole(grid.belief)
+    assert is_whole(grid)

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from filterpy.monte_carlo import resampling as filterpy_resampling
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -107,3 +108,29 @@ def test_the_last_point_may_round_up_to_one() -> None:
 def test_weights_that_mean_nothing_are_refused(weights: list[float]) -> None:
     with pytest.raises(ValueError, match="weights"):
         multinomial(weights, 3, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("name", ["systematic", "stratified"])
+@given(weight_lists, seeds)
+def test_indices_are_filterpys_for_the_same_random_numbers(name: str, weights: list[float], seed: int) -> None:
+    share = np.array(weights) / np.sum(weights)
+    count = len(share)  # filterpy draws as many as there are weights
+    drawn = np.random.default_rng(seed).random(1 if name == "systematic" else count)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(filterpy_resampling, "random", lambda *shape: drawn if shape else float(drawn[0]))
+        theirs = getattr(filterpy_resampling, f"{name}_resample")(share)
+    ours = RESAMPLERS[name](share, count, np.random.default_rng(seed))
+    points = (np.arange(count) + drawn) / count
+    clear = np.abs(points[:, None] - np.cumsum(share)).min(axis=1) > 1e-9  # on a border rounding decides
+    assert np.array_equal(np.sort(theirs)[clear], np.sort(ours)[clear])
+
+
+def test_residual_copies_are_those_of_the_definition() -> None:
+    """floor(n w) copies of each, then a draw by n w - floor(n w): the literal algorithm with the same numbers."""
+    weights = np.array([0.37, 0.05, 0.33, 0.25])
+    rng = np.random.default_rng(3)
+    expected = [index for index, weight in enumerate(weights) for _ in range(int(17 * weight))]
+    left = 17 * weights - np.floor(17 * weights)
+    border = np.cumsum(left) / left.sum()
+    expected += [int(np.flatnonzero(point < border)[0]) for point in rng.random(17 - len(expected))]
+    assert sorted(residual(weights, 17, np.random.default_rng(3))) == sorted(expected)

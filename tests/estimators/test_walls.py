@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from estimators.auxiliary import AuxiliaryParticleFilter
 from estimators.free_area import FreeArea
 from estimators.markov import MarkovGrid
 from estimators.particle import ParticleFilter
@@ -74,7 +75,7 @@ def test_passages_of_the_grid_are_the_steps_of_particles() -> None:
     assert not area.passage(0, 3)[area.free].all()
 
 
-@pytest.mark.parametrize("make", [MarkovGrid, lambda: ParticleFilter(ParticleFilter.Config(recovery=0.0))])
+@pytest.mark.parametrize("make", [MarkovGrid, ParticleFilter, AuxiliaryParticleFilter])
 def test_two_rooms_back_to_back(make: Callable[[], Estimator]) -> None:
     """A robot in room a that drives at the wall is not in room b; where a door is there instead, it is."""
     shares = {}

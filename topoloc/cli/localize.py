@@ -28,6 +28,10 @@ def localize(
     sensor: Annotated[str, Parameter(help="See 'topoloc list sensors'.")] = "ima",
     estimator: Annotated[str, Parameter(help="See 'topoloc list estimators'.")] = "activity",
     seed: Annotated[int, Parameter(help="Of the estimator's random numbers.", validator=Number(gte=0))] = 0,
+    settings: Annotated[
+        tuple[str, ...],
+        Parameter(name="--set", help="sensor.KEY=VALUE or estimator.KEY=VALUE, as 'topoloc list' names them."),
+    ] = (),
     overwrite: Annotated[bool, Parameter(help="Replace the files of an earlier run.", negative="")] = False,
 ) -> None:
     """Localize a recorded drive on a map.
@@ -35,23 +39,27 @@ def localize(
     Writes ``trajectory.txt`` (TUM), ``steps.csv`` (a row per frame), ``plan.png`` and, where the recording has ground
     truth, ``metrics.json``.
 
-    Example: ``topoloc localize lab/map lab/recording -o run --sensor ima --estimator activity``
+    Example: ``topoloc localize lab/map lab/recording -o run --estimator particle --set estimator.particles=5000``
     """
     from topoloc import plugins
     from topoloc.cli.progress import track
     from topoloc.files import new_folder, refuse_to_overwrite
     from topoloc.localizer import Localizer
     from topoloc.recording import Recording
+    from topoloc.settings import parse_words, refuse_unknown
     from topoloc.topo_map import TopoMap
 
     refuse_to_overwrite(output, overwrite)
     the_map = TopoMap.load(topo_map)
     drive = Recording.load(recording).on(the_map.camera)
-    eye = plugins.make_sensor(sensor)
+    tables = parse_words(settings)
+    refuse_unknown(tables, {"sensor", "estimator"}, "--set")
+    eye = plugins.make_sensor(sensor, tables.get("sensor"))
+    mind = plugins.make_estimator(estimator, tables.get("estimator"))
     _refuse_blindness(drive, sensor, eye)
     # The folder comes before the work: a place that cannot be written shows at once.
     with new_folder(output, overwrite, owned=OUTPUTS) as folder:
-        localizer = Localizer(the_map, eye, plugins.make_estimator(estimator), rng=seed)
+        localizer = Localizer(the_map, eye, mind, rng=seed)
         steps = []
         for picture in track(drive.pictures[drive.kind], "localizing"):
             localizer.step(drive.frame(picture))
