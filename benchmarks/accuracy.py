@@ -127,8 +127,8 @@ def _is_found(drive: Drive, run: Run) -> bool:
     frames = drive.simulation.frames
     after = run.updates >= drive.world.kidnap_at
     looks = [drive.evidence[frames[index].timestamp] for index in run.updates[after]]
-    matched = np.cumsum([len(look.match) > 0 and look.match.max() > THESIS.match_threshold for look in looks])
-    in_time = np.concatenate([[0], matched[:-1]]) < LOOKS  # the update of the third match still counts
+    matches = np.array([len(look.match) > 0 and look.match.max() > THESIS.match_threshold for look in looks], dtype=int)
+    in_time = np.cumsum(matches) - matches < LOOKS  # the update of the third match still counts
     return bool(run.right[after][in_time].any())
 
 

@@ -12,6 +12,11 @@ from topoloc.geometry import Floats
 from topoloc.topo_map import TopoMap
 from topoloc.types import Ints
 
+WALLS_LOOKED_FOR = (1, 2, 3, 4, 6, 8, 12)
+"""Steps in cells that are tried on all cells to see whether there are walls at all."""
+MOST_LEGS = 12
+"""A longer step is tested at so many places on the way."""
+
 
 class FreeArea:
     """Where the robot may be, as cells, with the walls between them.
@@ -52,7 +57,7 @@ class FreeArea:
     def barred(self, start: Floats, end: Floats) -> np.ndarray:
         """Whether a wall is in the way of straight steps (P, 2) -> (P, 2) [m]: (P,) bool.
 
-        Only cells that are free tell of walls; a step from or to the outside is not barred.
+        Only cells that are free tell of walls: those of the start and the end, and those on the way.
         """
         if not self.has_walls:
             return np.zeros(len(start), dtype=bool)
@@ -76,15 +81,19 @@ class FreeArea:
 
     @cached_property
     def has_walls(self) -> bool:
-        """Whether there is a wall between any two cells that are less than two cells apart."""
+        """Whether there is a wall between any two cells up to a dozen cells apart: else nobody needs to ask again."""
         cells = np.argwhere(self.free)
-        steps = [(1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2)]
-        return any(self._walls_between(cells, cells + np.array(step)).any() for step in steps)
+        directions = np.array([(1, 0), (0, 1), (1, 1), (1, -1)])
+        return any(
+            self._walls_between(cells, cells + length * direction).any()
+            for length in WALLS_LOOKED_FOR
+            for direction in directions
+        )
 
     def _cross_walls(self, start: Ints, end: Ints) -> np.ndarray:
-        """Whether straight steps between cells (P, 2) cross a wall, at once or from cell to cell on the way."""
+        """Whether straight steps between cells (P, 2) cross a wall, at once or from one to the next on the way."""
         crossed = self._walls_between(start, end)
-        legs = max(1, int(np.abs(end - start).max(initial=0)))
+        legs = int(np.clip(np.abs(end - start).max(initial=0), 1, MOST_LEGS))
         on_the_way = (np.floor(start + (end - start) * leg / legs + 0.5).astype(np.int64) for leg in range(legs + 1))
         for before, after in pairwise(on_the_way):
             crossed |= self._walls_between(before, after)

@@ -15,7 +15,7 @@ from estimators.weights import WEIGHTINGS, Weighting, WeightingConfig
 from topoloc.estimate import EstimateRule
 from topoloc.geometry import Floats
 from topoloc.topo_map import TopoMap
-from topoloc.types import Evidence, Motion, WeightedPoses
+from topoloc.types import Evidence, Ints, Motion, WeightedPoses
 
 LIKELIHOOD = "likelihood"
 """Name of the weighting that takes the evidence's own likelihood."""
@@ -32,8 +32,8 @@ class ParticleFilterConfig:
     Attributes:
         particles: how many; with ``adaptive`` at most.
         resampling: ``systematic``, ``stratified``, ``residual`` or ``multinomial``.
-        ess_threshold: resample when the effective sample size falls below this share of the particles; at 1 after each
-            update that sees something.
+        ess_threshold: resample when the effective sample size falls below this share of the particles; with
+            ``adaptive`` at each update that sees something.
         recovery: probability, at each update, that the robot is anywhere in the free area instead; as the grid's.
         resolution_m: side of the cells that the free area is made of [m]; as the grid's.
         reach_m: how far from a node or an edge the robot may be [m]; as the grid's.
@@ -114,13 +114,13 @@ class ParticleFilter:
             particle: the belief stays as predicted.
         """
         if evidence.is_blind:
-            self._resample()
+            self._resample(self.config.ess_threshold)
             return None
         poses, log_joint = self._weighed(evidence, self.config.recovery)
         log_evidence = float(_log_sum(log_joint))
         if np.isfinite(log_evidence):
             self._poses, self._log_weights = poses, log_joint - log_evidence
-            self._resample()
+            self._resample(np.inf if self.config.adaptive else self.config.ess_threshold)
         return log_evidence
 
     @property
@@ -133,29 +133,30 @@ class ParticleFilter:
 
         prior' = (1 - a) predicted + a U, with U uniform over the free area and a = ``share``. The predicted part
         is carried by the particles: (1 - a) w_i L(x_i). The part a U L is drawn where the evidence is, by as many
-        particles as it has of the posterior: hardly any while the evidence is as foretold, half of all when it is not.
+        particles as it has of the posterior: none at most updates while the evidence is as foretold, half of all when
+        it is not. The others are drawn anew by their joint weights, so that no heavy one is lost by lot.
         """
         log_joint = self._log_weights + self._weigher.log_weights(evidence, self._poses)
         log_mean = self._weigher.log_mean(evidence)
         if share == 0.0 or not np.isfinite(log_mean):
             return self._poses, log_joint
-        log_predicted = _log_sum(log_joint)
-        log_odds = np.log(share) + log_mean - np.log1p(-share) - log_predicted
-        recovered = 1.0 / (1.0 + np.exp(-np.clip(log_odds, -700.0, 700.0)))
-        count = max(1, round(min(recovered, MOST_RECOVERED) * len(self._poses)))
-        kept = self._without(count)
-        log_left = _log_sum(log_joint[kept])
-        log_kept = log_predicted - log_left if np.isfinite(log_left) else 0.0
+        log_recovered, log_predicted = np.log(share) + log_mean, np.log1p(-share) + _log_sum(log_joint)
+        part = np.exp(log_recovered - np.logaddexp(log_recovered, log_predicted))
+        expected = len(self._poses) * min(part, MOST_RECOVERED)
+        count = int(expected + self._rng.random())  # in the mean ``expected``, and most often none
+        if count == 0:
+            return self._poses, log_joint + np.log1p(-share)
+        kept = self._resampled(log_joint, len(self._poses) - count)
+        log_kept = np.full(len(kept), log_predicted - np.log(len(kept)))
         fresh, log_fresh = self._weigher.recover(evidence, count, self._rng)
-        return np.concatenate([self._poses[kept], fresh]), np.concatenate(
-            [log_joint[kept] + log_kept + np.log1p(-share), log_fresh + np.log(share)]
-        )
+        poses = np.concatenate([self._poses.take(kept, axis=0), fresh])
+        return poses, np.concatenate([log_kept, log_fresh + np.log(share * count / expected)])
 
-    def _without(self, count: int) -> np.ndarray:
-        """Indices (N - count,) of the particles that stay: those of weight zero go first, then any, by lot."""
-        order = self._rng.permutation(len(self._poses))
-        alive = np.isfinite(self._log_weights[order])
-        return np.asarray(order[np.argsort(alive, kind="stable")][count:])
+    def _resampled(self, log_weights: Floats, count: int) -> Ints:
+        """Indices (count,) of particles drawn by their log weights (N,); any, where none has weight."""
+        peak = log_weights.max()
+        weights = np.exp(log_weights - peak) if np.isfinite(peak) else np.ones(len(log_weights))
+        return RESAMPLERS[self.config.resampling](weights, count, self._rng)
 
     def _remove(self, dead: np.ndarray) -> None:
         """Take the weight of some particles (N,) bool, unless nothing were left."""
@@ -166,10 +167,11 @@ class ParticleFilter:
         if np.isfinite(log_total):
             self._log_weights = log_weights - log_total
 
-    def _resample(self) -> None:
+    def _resample(self, threshold: float) -> None:
+        """Draw anew where the effective sample size is below this share of the particles."""
         weights = np.exp(self._log_weights)
         effective = 1.0 / (weights @ weights)
-        if effective >= self.config.ess_threshold * len(self._poses):
+        if effective >= threshold * len(self._poses):
             return
         chosen = RESAMPLERS[self.config.resampling](weights, self.config.particles, self._rng)
         if self.config.adaptive:

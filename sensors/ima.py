@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from sensors.images import camera_on_nodes, clahe, crop_centre, cut_views, grey, resize
 from topoloc.errors import UserError
@@ -15,6 +16,8 @@ from topoloc.types import Evidence, Frame, Image, Ints
 
 UNRELATED_MATCH = 0.43
 """95th percentile of IMA with 8 slots between unrelated pictures: what a map of one node is held against."""
+SAME_PLACE_M = 0.1
+"""Nodes nearer to each other than this are one place photographed twice [m]: it counts once."""
 CALIBRATION_NODES, CALIBRATION_STRIDE = 16, 4
 """``fit`` matches views of at most so many nodes: of each, one direction in so many."""
 
@@ -218,6 +221,7 @@ class IMA:
         circles = [self._filtered(image, filtering, camera.hfov_deg) for image in panoramas]
         self._positions = topo_map.positions
         self._headings = np.array([node.heading for node in topo_map.nodes])
+        self._density = cKDTree(self._positions).query_ball_point(self._positions, SAME_PLACE_M, return_length=True)
         self._rows = max(1, round(self.config.scale_columns * camera.height / camera.width))
         columns = camera.panorama_columns(self.config.scale_columns)
         self._references = [
@@ -310,22 +314,24 @@ class IMA:
             nodes=np.arange(count),
             match=matches.value,
             distance=1.0 - matches.value,
-            log_likelihoods=self.config.slope * (matches.value - self.base_match - self.config.margin),
+            log_likelihoods=self.config.slope * (matches.value - self.base_match - self.config.margin)
+            - np.log(self._density),
             sigma=np.full(count, self.config.sigma_m),
             kappa=self.config.kappa * np.exp(self.config.kappa_fall * np.minimum(sureness, 0.0)),
             log_floor=self.config.log_floor,
         )
 
     def _match_of_wrong_nodes(self, circles: list[Image], camera: Camera) -> float:
-        """Mean match of views cut from each node's panorama against all other nodes; few views of many nodes."""
-        if len(circles) == 1:
-            return UNRELATED_MATCH
+        """Mean match of views cut from each node's panorama against all other places; few views of many nodes."""
         chosen = np.unique(np.linspace(0, len(circles) - 1, min(len(circles), CALIBRATION_NODES)).round().astype(int))
-        wrong = []
+        matches, weights = [], []
         for own in chosen:
+            others = np.linalg.norm(self._positions - self._positions[own], axis=1) > SAME_PLACE_M
             for window, _ in cut_views(circles[own], 0.0, camera)[::CALIBRATION_STRIDE]:
-                wrong.append(np.delete(self._best_of_zooms(window, self._references).value, own))
-        return float(np.mean(wrong))
+                matches.append(self._best_of_zooms(window, self._references).value[others])
+                weights.append(1.0 / (self._density[own] * self._density[others]))
+        wrong, weight = np.concatenate(matches), np.concatenate(weights)
+        return float(np.average(wrong, weights=weight)) if len(wrong) else UNRELATED_MATCH
 
 
 def _scaled(picture: Image, columns: int, rows: int, zoom_columns: float = 1.0, zoom_rows: float = 1.0) -> Floats:

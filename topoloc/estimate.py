@@ -104,11 +104,12 @@ def estimate_from(
         The leading node (None on an exact tie), its probability, and the mode around it.
     """
     chosen = rule or EstimateRule()
-    masses = node_masses(belief, topo_map)
+    nearest, weights = topo_map.nearest_node(belief.poses[:, :2]), belief.weights
+    masses = np.bincount(nearest, weights=weights, minlength=len(topo_map.nodes))
     leader = int(np.argmax(masses))
     mass = float(masses[leader])
     tied = bool(np.isclose(np.delete(masses, leader), mass, rtol=1e-9, atol=0.0).any())
-    pose, covariance = _leading_mode(belief, topo_map, leader, chosen.mode_radius_m)
+    pose, covariance = _leading_mode(belief, weights, nearest == leader, chosen.mode_radius_m)
     clues = (1.0, sureness(mass), log_evidence, agreement(evidence, pose))
     probability = float(expit(np.dot(chosen.coefficients, clues)))
     node = None if tied else leader
@@ -123,10 +124,9 @@ def _astray(pose: Floats, topo_map: TopoMap, reach: float) -> bool:
     return bool(topo_map.distance_to_nearest(place)[0] > reach and not topo_map.is_free(place, reach)[0])
 
 
-def _leading_mode(belief: WeightedPoses, topo_map: TopoMap, node: int, radius: float) -> tuple[Floats, Floats]:
-    """Mean and covariance of the belief around its share nearest to a node: a mode does not end at a node's border."""
-    weights = belief.weights
-    own = weights * (topo_map.nearest_node(belief.poses[:, :2]) == node)
+def _leading_mode(belief: WeightedPoses, weights: Floats, leading: np.ndarray, radius: float) -> tuple[Floats, Floats]:
+    """Mean and covariance of the belief around its leading share (N,) bool: a mode does not end at a node's border."""
+    own = weights * leading
     centre = own @ belief.poses[:, :2] / own.sum()
     near = np.linalg.norm(belief.poses[:, :2] - centre, axis=1) <= radius
     if weights[near].sum() == 0.0:  # the share is spread wide around an empty middle

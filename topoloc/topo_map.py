@@ -131,7 +131,12 @@ class TopoMap:
         if self.baseline_m is not None and not self.baseline_m > 0.0:
             raise ValueError(f"baseline_m is {self.baseline_m}; it must be above 0")
         edges = _near_pairs(self.positions) if self.edges is None else np.asarray(self.edges, dtype=np.int64)
-        object.__setattr__(self, "edges", edges.reshape(-1, 2))
+        edges = edges.reshape(-1, 2)
+        if len(edges) and not (edges.min() >= 0 and edges.max() < len(self.nodes)):
+            raise ValueError(
+                f"edges join nodes by index, 0 to {len(self.nodes) - 1}; there is {edges.min()} or {edges.max()}"
+            )
+        object.__setattr__(self, "edges", edges)
 
     @classmethod
     def load(cls, folder: Path | str) -> TopoMap:
@@ -145,6 +150,11 @@ class TopoMap:
         from topoloc.map_folder import save_map
 
         save_map(self, Path(folder), overwrite)
+
+    @cached_property
+    def edges_are_guessed(self) -> bool:
+        """Whether the edges are those that join near nodes, as where none were given: they tell nothing of walls."""
+        return np.array_equal(np.asarray(self.edges), _near_pairs(self.positions))
 
     @cached_property
     def positions(self) -> Floats:
@@ -202,9 +212,10 @@ class TopoMap:
         """Whether the robot may be at positions (P, 2): within ``reach`` [m] of a node or an edge, or in ``free``."""
         points = np.asarray(positions, dtype=np.float64)
         tree, _, spacing = self._way_points
-        distance = tree.query(points)[0]  # to a point of the ways; to the ways themselves it may be less
+        farthest = float(np.hypot(reach, spacing / 2.0)) + 1e-9  # from a point of the ways, with the ways in reach
+        distance = tree.query(points, distance_upper_bound=farthest)[0]
         inside = np.asarray(distance <= reach)
-        doubtful = np.flatnonzero(~inside & (distance <= np.hypot(reach, spacing / 2.0) + 1e-9))
+        doubtful = np.flatnonzero(~inside & np.isfinite(distance))
         for a, b in np.asarray(self.edges) if len(doubtful) else ():
             foot = nearest_on_segment(points[doubtful], self.positions[a], self.positions[b])
             inside[doubtful] |= np.linalg.norm(points[doubtful] - foot, axis=1) <= reach
@@ -252,10 +263,10 @@ def _near_pairs(positions: Floats) -> Ints:
 def inside_polygon(points: Floats, polygon: Sequence[Sequence[float]] | Floats) -> np.ndarray:
     """Even-odd rule: which points (P, 2) lie inside the polygon (V, 2)."""
     corner = np.asarray(polygon, dtype=np.float64)
-    following = np.roll(corner, -1, axis=0)
-    x, y = points[:, :1], points[:, 1:]
-    straddles = (corner[:, 1] > y) != (following[:, 1] > y)
-    height = following[:, 1] - corner[:, 1]
-    slope = np.divide(following[:, 0] - corner[:, 0], height, out=np.zeros(len(corner)), where=height != 0.0)
-    crossing = corner[:, 0] + (y - corner[:, 1]) * slope
-    return np.asarray((straddles & (x < crossing)).sum(axis=1) % 2 == 1)
+    inside = np.zeros(len(points), dtype=bool)
+    near = np.flatnonzero(((points >= corner.min(axis=0)) & (points <= corner.max(axis=0))).all(axis=1))
+    x, y = points[near].T
+    for (x0, y0), (x1, y1) in zip(corner, np.roll(corner, -1, axis=0), strict=True):
+        if y0 != y1:
+            inside[near] ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+    return inside

@@ -126,20 +126,23 @@ def test_where_all_particles_have_left_they_are_kept() -> None:
     np.testing.assert_allclose(particles.belief.weights, before)
 
 
-def test_dead_particles_make_room_first() -> None:
-    # one particle in a thousand is inside: it must outlive the drawing of seats for recovered ones, whatever the seed
-    for seed in range(20):
-        edge = WeightedPoses(np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.log([0.999, 0.001]))
-        particles = filter_on(edge, seed, ess_threshold=0.0, recovery=0.02)
-        particles.predict(Motion(np.array([1.5, 0.0, 0.0]), np.zeros((3, 3))))
-        assert particles.update(evidence_for(toy_map(), (0.0, 0.0, 0.0), log_floor=-4.0)) is not None
-        survivors = particles.belief.poses[particles.belief.weights > 0.0]
-        assert (np.abs(survivors - [1.5, 0.0, 0.0]).max(axis=1) < 1e-9).any()
+def test_the_heaviest_particle_is_not_lost_by_lot() -> None:
+    """One particle carries nearly all of the posterior: whatever the seats of recovered ones, its mass stays."""
+    cloud = np.tile([0.0, 0.0, 0.0], (999, 1))
+    lone = WeightedPoses.uniform(np.concatenate([cloud, [[2.0, 1.0, 0.0]]]))
+    good = evidence_for(toy_map(), (2.0, 1.0, 0.0))
+    look = replace(good, log_likelihoods=np.where(np.arange(6) == 5, 9.0, -20.0), sigma=np.full(6, 0.1))
+    alone = []
+    for seed in range(200):
+        particles = filter_on(lone, seed, recovery=0.02, ess_threshold=0.0)
+        particles.update(look)
+        alone.append((np.abs(particles.belief.poses - [2.0, 1.0, 0.0]).max(axis=1) < 1e-9).any())
+    assert all(alone)
 
 
 def test_resampling_waits_until_few_particles_carry_the_weight() -> None:
     sharp = evidence_for(toy_map(), (0.0, 0.0, 0.0))
-    always, never = filter_on(ess_threshold=1.0), filter_on(ess_threshold=0.0)
+    always, never = filter_on(ess_threshold=1.0, recovery=0.0), filter_on(ess_threshold=0.0, recovery=0.0)
     always.update(sharp)
     never.update(sharp)
     assert np.ptp(always.belief.log_weights) == 0.0

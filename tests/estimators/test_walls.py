@@ -64,6 +64,31 @@ def test_a_polygon_is_free_of_walls() -> None:
     assert not FreeArea(rooms(free=(hall,)), 0.25, 0.75).has_walls
 
 
+def test_guessed_edges_and_none_tell_of_no_walls() -> None:
+    row = tuple(Node(str(n), "", x, 0.0) for n, x in enumerate([0.0, 0.9, 1.8, 3.2, 4.1]))  # no edge over the 1.4 m
+    assert not FreeArea(TopoMap("a gap", Camera(), row), 0.25, 0.75).has_walls
+    assert not FreeArea(TopoMap("none", Camera(), row, np.zeros((0, 2), dtype=int)), 0.25, 0.75).has_walls
+    assert FreeArea(TopoMap("told", Camera(), row, np.array([[0, 1], [3, 4]])), 0.25, 0.75).has_walls
+
+
+def test_one_may_turn_where_edges_cross() -> None:
+    ends = [(-4.0, 0.0), (4.0, 0.0), (0.0, -4.0), (0.0, 4.0)]
+    cross = tuple(Node(str(n), "", x, y) for n, (x, y) in enumerate(ends))
+    area = FreeArea(TopoMap("cross", Camera(), cross, np.array([[0, 1], [2, 3]])), 0.25, 0.75)
+    assert at(area, (-0.4, 0.1, -0.1, 0.4), (-0.6, 0.0, 0.6, 0.0)) == [False, False]
+
+
+def test_a_thick_wall_is_one() -> None:
+    places = [(0.0, 0.0), (8.0, 0.0), (8.0, 2.0), (0.0, 2.0)]
+    hairpin = tuple(Node(str(n), "", x, y) for n, (x, y) in enumerate(places))
+    area = FreeArea(TopoMap("hairpin", Camera(), hairpin, np.array([[0, 1], [1, 2], [2, 3]])), 0.25, 0.75)
+    assert at(area, (1.0, 0.0, 1.0, 2.0), (8.0, 0.0, 8.0, 2.0)) == [True, False]
+
+
+def test_an_edge_told_twice_is_no_longer() -> None:
+    assert at(FreeArea(rooms(np.repeat(EDGES, 4, axis=0)), 0.25, 0.75), (3.0, 0.4, 4.0, 0.1)) == [False]
+
+
 def test_passages_of_the_grid_are_the_steps_of_particles() -> None:
     area = FreeArea(rooms(), 0.25, 0.75)
     cells = np.argwhere(area.free)

@@ -137,3 +137,20 @@ def test_clahe_of_a_circle_has_no_seam() -> None:
     panorama = np.random.default_rng(5).integers(0, 256, (72, 864)).astype(np.uint8)
     turned = np.roll(clahe(panorama, 2.0, 8, 40.0), 432, axis=1)
     assert np.abs(turned.astype(int) - clahe(np.roll(panorama, 432, axis=1), 2.0, 8, 40.0)).mean() < 2.0
+
+
+def test_a_place_photographed_twice_changes_nothing() -> None:
+    """EQUATIONS.md, 4: a node of the map and its copy 1 cm away weigh as much as the node alone."""
+    once = noise_map(3)
+    copy = replace(once.nodes[1], id="again", x=once.nodes[1].x + 0.01)
+    twice = replace(once, nodes=(*once.nodes, copy), edges=None)
+    places, headings = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [1.4, 0.2]]), np.linspace(-3.0, 3.0, 9)[None]
+    seen = []
+    for the_map in (once, twice):
+        sensor = IMA()
+        sensor.fit(the_map)
+        panorama = once.nodes[1].panorama
+        assert panorama is not None
+        seen.append(sensor.observe(frame_of(panorama[:, 300:396])).log_likelihood(places, headings))
+    assert np.abs(seen[1] - seen[0]).max() < 0.05  # the copy stands 1 cm off, of 40 that a match holds
+    assert seen[0].max() > 1.0
