@@ -134,6 +134,33 @@ class TestLocalize:
         turned = wrap(2.0 * np.arctan2(table[:, 6], table[:, 7]) - np.deg2rad(steps[:, 3]))
         assert np.abs(turned).max() < 1e-3
 
+    @pytest.mark.parametrize(
+        ("words", "problem"),
+        [
+            (["estimator.particles=1"], "particles is 1; it must be at least 2"),
+            (["estimator.weighting=pw8"], "use one of: likelihood, pw1"),
+            (["estimator.nosuch=1"], "nothing is called 'nosuch' here"),
+            (["sensor.slots=0"], "slots is 0"),
+            (["particles=100"], "use one of: estimator, sensor"),
+        ],
+    )
+    def test_settings_that_cannot_be(
+        self, place: Path, words: list[str], problem: str, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        settings = [part for word in words for part in ("--set", word)]
+        assert run(localize(place, "--estimator", "particle", *settings)) == 2
+        told = capsys.readouterr().err.strip()
+        assert problem in told and "\n" not in told
+        assert not (place / "run").exists()
+
+    def test_settings_reach_the_estimator_and_the_sensor(self, place: Path) -> None:
+        tracks = []
+        for words in ([], ["estimator.weighting=pw1", "estimator.weights.neighbours=2"], ["sensor.kappa=1"]):
+            settings = [part for word in words for part in ("--set", word)]
+            assert run(localize(place, "--estimator", "particle", "--overwrite", *settings)) == 0
+            tracks.append([row["x"] for row in rows_of(place / "run" / "steps.csv")])
+        assert tracks[0] != tracks[1] and tracks[0] != tracks[2]
+
     def test_metrics(self, done: Path) -> None:
         values = json.loads((done / "metrics.json").read_text())
         assert list(values) == [metric.name for metric in METRICS]

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import pickle
 from dataclasses import is_dataclass
 from importlib.metadata import EntryPoint, entry_points
 
@@ -7,7 +8,7 @@ import pytest
 
 from topoloc import plugins
 from topoloc.cli.main import run
-from topoloc.errors import UnknownName, UserError
+from topoloc.errors import InputError, OutputExists, UnknownName, UserError
 
 GROUPS = (plugins.SENSORS, plugins.ESTIMATORS, plugins.WORLDS, plugins.PANORAMAS, plugins.COMMANDS)
 REGISTERED = [(group, name) for group in GROUPS for name in plugins.names(group)]
@@ -98,3 +99,18 @@ class TestOutsiders:
         captured = capsys.readouterr()
         assert "'broken' is left out" in captured.err
         assert captured.out.strip()
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        UnknownName("sensor", "nosuch", ["ima"]),
+        InputError("map.toml", "has no name", "give it one", 3),
+        OutputExists("run"),
+        UserError("a slip"),
+    ],
+)
+def test_a_mistake_comes_back_whole_from_another_process(error: UserError) -> None:
+    back = pickle.loads(pickle.dumps(error))
+    assert type(back) is type(error)
+    assert (str(back), vars(back)) == (str(error), vars(error))
