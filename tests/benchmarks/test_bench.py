@@ -73,7 +73,7 @@ def test_a_run_with_other_settings_is_not_continued(tmp_path: Path) -> None:
     bench(**SMALL, seeds=1, updates=3, jobs=1, out=folder)  # type: ignore[arg-type]
     config = folder / "config.toml"
     text = config.read_text()
-    for old, new in (("updates = 3\n", "updates = 3\n"), ("recovery = 0.01", "recovery = 0.5")):
+    for old, new in (("updates = 3\n", "updates = 3\n"), ("recovery = 0.02", "recovery = 0.5")):
         config.write_text(text.replace(old, new))
         if old == new:
             bench(resume=folder, jobs=1)
