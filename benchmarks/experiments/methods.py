@@ -1,0 +1,34 @@
+"""The two methods that the experiments compare: the thesis's, with its settings, and ours, in one setting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from benchmarks.experiments.experiment import AS_PUBLISHED, IMPROVED
+from estimators.activity import ActivityTracker, ActivityTrackerConfig
+from sensors.ima import IMA, IMAConfig
+
+
+@dataclass(frozen=True)
+class Method:
+    """Settings of a sensor and of a tracker.
+
+    Attributes:
+        sensor: of IMA.
+        tracker: of the activity tracker.
+    """
+
+    sensor: IMAConfig = field(default_factory=IMAConfig)
+    tracker: ActivityTrackerConfig = field(default_factory=ActivityTrackerConfig)
+
+    def make(self) -> tuple[IMA, ActivityTracker]:
+        """A sensor and a tracker that know no map yet."""
+        return IMA(self.sensor), ActivityTracker(self.tracker)
+
+
+THESIS = Method()
+"""Section 5.2: 72 columns, 8 slots, CLAHE, zoom 1.1, thresholds 0.5 and 0.6, odometry reset to the node."""
+OURS = Method(tracker=ActivityTrackerConfig(deviation="fixed", match_power=4.0))
+METHODS: Mapping[str, Method] = {AS_PUBLISHED: THESIS, IMPROVED: OURS}
+"""By column of the tables."""
