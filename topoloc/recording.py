@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -96,6 +97,8 @@ class Recording:
         baseline_m: distance of the right camera from the main one, to its right [m], or None where it is not told.
         panorama: the ``omni`` pictures are unwrapped: a full circle, columns clockwise and linear in angle; the left
             edge of the first column looks along the camera's heading.
+        omni: the table ``[omni]`` of ``camera.toml`` as it stands there, or None: how the ``omni`` pictures, not
+            unwrapped, see around; ``topoloc unwrap`` reads it.
         odometry, truth: raw odometer and ground truth, where recorded.
         pan: times and angles of the pan head, as a track whose heading is the pan.
         expected: camera whose aspect ratio the ``rgb`` and ``right`` pictures must have, and whose panoramas'
@@ -109,6 +112,7 @@ class Recording:
     mount: Mount = field(default_factory=Mount)
     baseline_m: float | None = None
     panorama: bool = False
+    omni: Mapping[str, Any] | None = None
     odometry: Track | None = None
     truth: Track | None = None
     pan: Track | None = None
@@ -131,7 +135,7 @@ class Recording:
         pictures = {kind: _read_list(path / f"{kind}.txt") for kind in present}
         if not pictures[main]:
             raise InputError(path / f"{main}.txt", "lists no pictures", "add a line 'timestamp path' for each")
-        rig = _read_rig(path / "camera.toml")
+        rig = read_rig(path / "camera.toml")
         return cls(
             folder=path,
             kind=main,
@@ -140,6 +144,7 @@ class Recording:
             mount=rig.mount,
             baseline_m=rig.baseline_m,
             panorama=rig.panorama,
+            omni=rig.omni,
             odometry=_read_track(path / "odometry.txt"),
             truth=_read_track(path / "groundtruth.txt"),
             pan=_read_pan(path / "pan.txt"),
@@ -308,25 +313,44 @@ def _read_pan(path: Path) -> Track | None:
 
 
 @dataclass(frozen=True)
-class _Rig:
+class Rig:
     """What ``camera.toml`` tells; the fields are those of ``Recording``."""
 
     camera: Camera | None = None
     mount: Mount = field(default_factory=Mount)
     baseline_m: float | None = None
     panorama: bool = False
+    omni: Mapping[str, Any] | None = None
 
 
-def _read_rig(path: Path) -> _Rig:
+def read_rig(path: Path) -> Rig:
+    """What a ``camera.toml`` tells; nothing where it does not exist. Raises ``UserError`` naming the key."""
     if not path.exists():
-        return _Rig()
+        return Rig()
     table = read_toml(path, "restore it")
     lens = {item.name for item in fields(Camera)}
-    refuse_unknown(table, lens | {item.name for item in fields(_Rig)} - {"camera"}, path)
+    refuse_unknown(table, lens | {item.name for item in fields(Rig)} - {"camera"}, path)
     of_lens = {key: table[key] for key in lens & set(table)}
-    return _Rig(
+    rig = Rig(
         camera=build(Camera, of_lens, path) if of_lens else None,
         mount=build(Mount, table.get("mount", {}), f"{path} [mount]"),
         baseline_m=optional_length(table, "baseline_m", path),
         panorama=convert(table.get("panorama", False), bool, f"{path}: panorama"),
+        omni=_omni_table(table["omni"], path) if "omni" in table else None,
     )
+    if rig.panorama and rig.omni is not None:
+        raise InputError(
+            path, "panorama = true says unwrapped, [omni] how to unwrap", "take out the one that does not hold"
+        )
+    return rig
+
+
+def _omni_table(table: Any, path: Path) -> Mapping[str, Any]:
+    """The table ``[omni]``, held to what any model's settings are made of; the model itself is of another room."""
+    if not isinstance(table, Mapping) or not isinstance(table.get("model"), str):
+        raise InputError(path, "[omni] names no model", 'write [omni] and below it model = "conical" or another')
+    for key, value in table.items():
+        for item in value if isinstance(value, list) else [value]:
+            if not isinstance(item, str):
+                convert(item, float, f"{path} [omni]: {key}")
+    return table

@@ -312,6 +312,19 @@ class TestByHand:
         recording = Recording.load(folder).on(Camera(90.0, 16, 12))
         assert (recording.camera, recording.baseline_m, recording.mount) == (None, 0.1, Mount(x=0.2))
 
+    def test_the_table_of_an_omnidirectional_camera_is_kept_as_it_stands(self, folder: Path) -> None:
+        """What a model is, and which settings it has, another room knows: ``sensors.omni.from_table``."""
+        (folder / "rgb.txt").rename(folder / "omni.txt")
+        table = 'model = "polynomial"\ncoefficients = [1.5, 0, -2]\nlooks = "down"\nanything = 3\n'
+        (folder / "camera.toml").write_text(f"hfov_deg = 40\nwidth = 16\nheight = 12\n[omni]\n{table}")
+        recording = Recording.load(folder).on(CAMERA)
+        expected = {"model": "polynomial", "coefficients": [1.5, 0, -2], "looks": "down", "anything": 3}
+        assert (recording.omni, recording.panorama, recording.camera) == (expected, False, CAMERA)
+        assert next(iter(recording)).images["omni"].shape == (12, 16, 3), "as recorded: of any aspect ratio"
+
+    def test_without_an_omni_table_there_is_none(self, folder: Path) -> None:
+        assert Recording.load(folder).omni is None
+
     def test_without_a_camera_file_any_field_of_view_suits(self, folder: Path) -> None:
         (folder / "camera.toml").unlink()
         recording = Recording.load(folder).on(Camera(90.0, 16, 12))
@@ -384,6 +397,25 @@ BAD: dict[str, tuple[Spoil, str]] = {
     ),
     "panorama a number": (rewrite("camera.toml", "width = 16", "panorama = 3"), r"camera\.toml: panorama is 3"),
     "hfov 0": (rewrite("camera.toml", "40", "0"), r"camera\.toml: hfov_deg is 0"),
+    "omni a text": (write("camera.toml", "omni = 'conical'\n"), r"camera\.toml: \[omni\] names no model; .*model = "),
+    "omni without a model": (write("camera.toml", "[omni]\nrim_px = 3\n"), r"camera\.toml: \[omni\] names no model"),
+    "omni model a number": (write("camera.toml", "[omni]\nmodel = 3\n"), r"camera\.toml: \[omni\] names no model"),
+    "omni with a table": (
+        write("camera.toml", "[omni]\nmodel = 'conical'\n[omni.rim]\npx = 3\n"),
+        r"camera\.toml \[omni\]: rim is \{'px': 3\}; write a number",
+    ),
+    "omni with true": (
+        write("camera.toml", "[omni]\nmodel = 'conical'\nrim_px = true\n"),
+        r"camera\.toml \[omni\]: rim_px is True; write a number",
+    ),
+    "omni with NaN in a list": (
+        write("camera.toml", "[omni]\nmodel = 'polynomial'\ncoefficients = [1, nan]\n"),
+        r"camera\.toml \[omni\]: coefficients is nan; write a number",
+    ),
+    "omni of panoramas": (
+        write("camera.toml", "panorama = true\n[omni]\nmodel = 'conical'\n"),
+        r"camera\.toml: panorama = true .*\[omni\].*; take out",
+    ),
 }
 
 
