@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -22,9 +22,10 @@ LEAST_RESULTANT = 0.2
 """Headings whose mean unit vector is shorter than this have no direction in common."""
 UNKNOWN_HEADINGS = np.deg2rad([-180.0, -90.0, 0.0, 90.0])
 """A hypothesis without a heading stands in the belief four times, so that its mean heading is nowhere."""
-NODE_SPREAD = np.array([PLACE_SD_M, PLACE_SD_M, np.deg2rad(HEADING_SD_DEG)]) ** 2
 Deviation = Literal["largest", "fixed"]
 """What the sigmas of the action model are: the step's own largest deviations, or settings."""
+Reset = Literal["node", "offset"]
+"""Where the odometry is reset to: the winner's node, or the place off it that match and odometry agree on."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,11 @@ class ActivityTrackerConfig:
             may be carried off; at 0 a tracker that has gone wrong stays so for long.
         match_power: power of the match in the update; 1 is the thesis's (3.23). Fixed sigmas do best with about 4: a
             move counts for more there, and so must the difference between a match of 0.7 and one of 0.5.
+        reset: where the odometry is reset to: ``node``, the thesis's (3.7), which its author found to make most of the
+            errors (5.2.3); or ``offset``: each hypothesis keeps where it stands off its node, from the odometry and
+            the place that the match tells, each by its variance.
+        parallax_m: distance of what is seen, by which a heading matched beside the node is corrected under
+            ``offset``; 0 takes it as it is [m].
     """
 
     match_threshold: float = THESIS.match_threshold
@@ -51,6 +57,8 @@ class ActivityTrackerConfig:
     sigma_deg: float = 40.0
     outlier_floor: float = 0.20
     match_power: float = 1.0
+    reset: Reset = "node"
+    parallax_m: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.match_threshold <= self.head_threshold <= 1.0:
@@ -63,6 +71,10 @@ class ActivityTrackerConfig:
             raise ValueError(f"outlier_floor is {self.outlier_floor}; it must lie in [0, 1)")
         if not 0.0 < self.match_power < np.inf:
             raise ValueError(f"match_power is {self.match_power}; it must be positive and finite")
+        if self.reset not in get_args(Reset):
+            raise ValueError(f"reset is {self.reset!r}; use one of: {', '.join(get_args(Reset))}")
+        if not 0.0 <= self.parallax_m < np.inf:
+            raise ValueError(f"parallax_m is {self.parallax_m}; it must be finite and not negative")
 
 
 @dataclass(frozen=True)
@@ -75,6 +87,8 @@ class Hypotheses:
         match: (L,) MATCH(d); eps_M for a virtual one, NaN for the origins of the start.
         activity: (L,) Act, sums to one.
         virtual: (L,) whether it is the virtual one d0 of 3.2.1.
+        offsets: (L, 2) from the node [m], or (1, 2) for all; zero in the thesis.
+        variances: (L,) of where it stands, along and across alike [m^2], or (1,) for all.
     """
 
     nodes: Ints
@@ -82,6 +96,8 @@ class Hypotheses:
     match: Floats
     activity: Floats
     virtual: np.ndarray
+    offsets: Floats = field(default_factory=lambda: np.zeros((1, 2)))
+    variances: Floats = field(default_factory=lambda: np.full(1, PLACE_SD_M**2))
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -93,7 +109,8 @@ class TrackerStep:
 
     Attributes:
         kind: ``normal`` or ``virtual`` destination won, ``supposed`` place, or ``none``: nothing known yet.
-        node: the answer d* or d0, index into ``topo_map.nodes``; None while nothing is known.
+        node: the answer d* or d0, index into ``topo_map.nodes``, or the node nearest to where d* stands off its own;
+            None while nothing is known.
         origins: before the step.
         destinations: of the step; empty when none was generated.
         winner: row of d* in ``destinations``; None where there is none.
@@ -175,31 +192,36 @@ class ActivityTracker:
 
     def update(self, evidence: Evidence) -> None:
         """Code 3.1. There is no p(evidence | past) here: activities are normalised among the destinations only."""
-        supposed = self._supposed_node()
+        supposed = self._supposed_place()
         destinations = self._destinations(evidence, supposed)
         if len(destinations) == 0:
-            kind = "none" if supposed is None else "supposed"
+            kind, node = ("none", None) if supposed is None else ("supposed", self._node_at(supposed))
             nothing = np.zeros((0, len(self._origins)))
-            self.last = TrackerStep(kind, supposed, self._origins, destinations, None, nothing, nothing)
+            self.last = TrackerStep(kind, node, self._origins, destinations, None, nothing, nothing)
             return
         delta_l, delta_phi = self._deviations(destinations)
-        reached = self._action_model(delta_l, delta_phi) @ self._origins.activity  # prediction (3.22)
+        fits = self._action_model(delta_l, delta_phi)
+        reached = fits @ self._origins.activity  # prediction (3.22)
         likelihood = (destinations.match / destinations.match.max()) ** self.config.match_power
         activity = likelihood * reached  # update (3.23)
         if not activity.any():  # fixed sigmas without a floor may underflow everywhere: the motion then tells nothing
             activity = likelihood
         activity = activity / activity.sum()  # normalisation (3.24)
         winner = int(np.argmax(activity))
-        done = Hypotheses(destinations.nodes, destinations.headings, destinations.match, activity, destinations.virtual)
+        done = replace(destinations, activity=activity)
+        node = int(done.nodes[winner])
+        if self.config.reset == "offset":
+            done = self._settled(done, fits, reached)
+            node = self._node_at(self._places(done)[winner])
         kind = "virtual" if done.virtual[winner] else "normal"
-        self.last = TrackerStep(kind, int(done.nodes[winner]), self._origins, done, winner, delta_l, delta_phi)
+        self.last = TrackerStep(kind, node, self._origins, done, winner, delta_l, delta_phi)
         self._reset_to(done, winner)
 
     @property
     def belief(self) -> WeightedPoses:
         """The origins, moved by the displacement since they were destinations; as uncertain as that is, and a node."""
         origins = self._origins
-        positions = self._positions[origins.nodes] + self._displacement
+        positions = self._places(origins) + self._displacement
         headings = wrap(origins.headings + self._turned)
         known = np.isfinite(headings)
         rows = np.concatenate([np.flatnonzero(known), np.repeat(np.flatnonzero(~known), len(UNKNOWN_HEADINGS))])
@@ -207,26 +229,44 @@ class ActivityTracker:
         poses = np.column_stack([positions[rows], np.concatenate([headings[known], fill])])
         share = np.where(known[rows], 1.0, 1.0 / len(UNKNOWN_HEADINGS))
         with np.errstate(divide="ignore"):  # an activity may have underflowed to zero
-            return WeightedPoses(poses, np.log(origins.activity[rows] * share), NODE_SPREAD + self._drift)
+            return WeightedPoses(poses, np.log(origins.activity[rows] * share), self._spread())
 
-    def _supposed_node(self) -> int | None:
-        """d0: the node nearest to o* plus the odometry displacement; None before the first win."""
-        if self._best_origin is None:
-            return None
-        place = self._positions[self._origins.nodes[self._best_origin]] + self._displacement
+    def _spread(self) -> Floats:
+        """(3,) variances around each hypothesis [m^2, m^2, rad^2]."""
+        origins = self._origins
+        place = float(np.sum(origins.activity * origins.variances))
+        return np.array([place, place, np.deg2rad(HEADING_SD_DEG) ** 2]) + self._drift
+
+    def _places(self, hypotheses: Hypotheses) -> Floats:
+        """(L, 2) where hypotheses stand [m]."""
+        return np.asarray(self._positions[hypotheses.nodes] + hypotheses.offsets)
+
+    def _node_at(self, place: Floats) -> int:
         return int(self._nearest_node(place[None])[0])
 
-    def _destinations(self, evidence: Evidence, supposed: int | None) -> Hypotheses:
+    def _supposed_place(self) -> Floats | None:
+        """(2,) o* plus the odometry displacement [m]; None before the first win. The node nearest to it is d0."""
+        if self._best_origin is None:
+            return None
+        return np.asarray(self._places(self._origins)[self._best_origin] + self._displacement)
+
+    def _destinations(self, evidence: Evidence, supposed: Floats | None) -> Hypotheses:
         """Nodes with a match above eps_M, and the virtual destination (3.2.1); empty when there is no such node."""
         best = evidence.best_per_node()
         chosen = best[evidence.match[best] > self.config.match_threshold]
+        nodes, match, places = evidence.nodes[chosen], evidence.match[chosen], evidence.poses[chosen, :2]
         headings = np.where(evidence.kappa[chosen] > 0.0, evidence.poses[chosen, 2], np.nan)
-        virtual = np.zeros(len(chosen), dtype=bool)
-        nodes, match = evidence.nodes[chosen], evidence.match[chosen]
+        virtual, variances = np.zeros(len(chosen), dtype=bool), evidence.sigma[chosen] ** 2
         if len(chosen) and supposed is not None:
-            nodes, match = np.append(nodes, supposed), np.append(match, self.config.match_threshold)
+            assert self._best_origin is not None  # or nothing would be supposed
+            known = np.broadcast_to(self._origins.variances, len(self._origins))[self._best_origin]
+            nodes, match = np.append(nodes, self._node_at(supposed)), np.append(match, self.config.match_threshold)
             headings, virtual = np.append(headings, self.heading), np.append(virtual, True)
-        return Hypotheses(nodes, headings, match, np.zeros(len(nodes)), virtual)
+            places, variances = np.vstack([places, supposed]), np.append(variances, known + self._drift[0])
+        found = Hypotheses(nodes, headings, match, np.zeros(len(nodes)), virtual)
+        if self.config.reset == "node":
+            return found
+        return replace(found, offsets=places - self._positions[nodes], variances=variances)
 
     def _deviations(self, destinations: Hypotheses) -> tuple[Floats, Floats]:
         """Delta-l (3.14) and delta-phi (3.15), each (D, O): one displacement, but each origin's own heading.
@@ -234,8 +274,8 @@ class ActivityTracker:
         Footnote 10 has delta-phi = 0 from a virtual origin to the virtual destination. That holds here until a win
         corrects the odometer's heading: the virtual origin keeps the heading that it was a destination with.
         """
-        reached = self._positions[self._origins.nodes] + self._displacement
-        delta_l = np.linalg.norm(self._positions[destinations.nodes][:, None] - reached[None], axis=2)
+        reached = self._places(self._origins) + self._displacement
+        delta_l = np.linalg.norm(self._places(destinations)[:, None] - reached[None], axis=2)
         turned = self._origins.headings + self._turned
         return delta_l, np.abs(wrap(destinations.headings[:, None] - turned[None]))
 
@@ -246,6 +286,40 @@ class ActivityTracker:
         return fixed_action_model(
             delta_l, delta_phi, config.sigma_m, np.deg2rad(config.sigma_deg), config.outlier_floor
         )
+
+    def _settled(self, destinations: Hypotheses, fits: Floats, reached: Floats) -> Hypotheses:
+        """Destinations where match and odometry together put them (ours), their headings freed from parallax.
+
+        From each origin that may have led here, as far as the move was no outlier, the place matched is drawn to where
+        the odometry led, by their variances as in a Kalman filter; the virtual destination stays where that led.
+
+        Args:
+            destinations: D, where they were matched.
+            fits: (D, O) action model.
+            reached: (D,) predictions (3.22).
+        """
+        config, origins = self.config, self._origins
+        matched, led = self._places(destinations), self._places(origins) + self._displacement
+        floor = config.outlier_floor if config.deviation == "fixed" else 0.0
+        share = np.divide(
+            (fits - floor) * origins.activity, reached[:, None], where=reached[:, None] > 0.0, out=fits * 0
+        )
+        before, measured = origins.variances + self._drift[0], destinations.variances[:, None]
+        gain = np.where(destinations.virtual[:, None], 0.0, share * measured / (measured + before))
+        places = matched + gain @ led - gain.sum(axis=1, keepdims=True) * matched
+        variances = destinations.variances * (1.0 - gain.sum(axis=1))
+        settled = replace(destinations, offsets=places - self._positions[destinations.nodes], variances=variances)
+        return replace(
+            settled, headings=np.where(destinations.virtual, settled.headings, self._without_parallax(settled))
+        )
+
+    def _without_parallax(self, destinations: Hypotheses) -> Floats:
+        """(D,) headings, less what a place to the left of the node turns a matched one counter-clockwise."""
+        if self.config.parallax_m == 0.0:
+            return destinations.headings
+        leftwards = np.column_stack([-np.sin(destinations.headings), np.cos(destinations.headings)])
+        left = np.sum(destinations.offsets * leftwards, axis=1)
+        return wrap(destinations.headings - left / self.config.parallax_m)
 
     def _reset_to(self, destinations: Hypotheses, winner: int) -> None:
         """The end of Code 3.1: reset the odometry to d*, correct the heading if the match allows it, O <- D."""

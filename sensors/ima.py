@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,8 +16,6 @@ from topoloc.thesis import THESIS
 from topoloc.topo_map import Camera, TopoMap
 from topoloc.types import Evidence, Frame, Image, Ints
 
-UNRELATED_MATCH = 0.43
-"""95th percentile of IMA with 8 slots between unrelated pictures: what a map of one node is held against."""
 SAME_PLACE_M = 0.1
 """Nodes nearer to each other than this are one place photographed twice [m]: it counts once."""
 CALIBRATION_NODES, CALIBRATION_STRIDE = 16, 4
@@ -29,7 +29,11 @@ class IMAConfig:
     Attributes:
         scale_columns: columns of a scaled frame; the rows keep the frame's aspect.
         slots: column regions N_s that a frame is divided into.
-        zoom: digital zoom rho_in; 1 matches without zoom.
+        zoom: digital zoom rho_in, the largest that is tried; 1 matches without zoom.
+        zoom_steps: zooms tried each way; 1 is the thesis's fixed zoom, more are incremental zoom (2.4.3, 6.2), spaced
+            so that each stands for the same further displacement (2.5).
+        scene_m: distance D of what is seen in (2.5): by it the best zoom places a hypothesis before or behind its
+            node, along the heading; 0 leaves it on the node, as published [m].
         clahe: filter grey full-size pictures with CLAHE before scaling.
         clahe_clip_limit: OpenCV's clip limit.
         clahe_tiles: tiles along each side of a frame.
@@ -50,6 +54,8 @@ class IMAConfig:
     scale_columns: int = THESIS.scale_columns
     slots: int = THESIS.slots
     zoom: float = THESIS.zoom
+    zoom_steps: int = 1
+    scene_m: float = 0.0
     clahe: bool = THESIS.clahe
     clahe_clip_limit: float = THESIS.clahe_clip_limit
     clahe_tiles: int = THESIS.clahe_tiles
@@ -68,6 +74,8 @@ class IMAConfig:
             raise ValueError(f"slots is {self.slots}; it must lie between 1 and scale_columns")
         if not 1.0 <= self.zoom < 2.0:
             raise ValueError(f"zoom is {self.zoom}; it must be at least 1 and less than 2")
+        if self.zoom_steps < 1 or self.scene_m < 0.0:
+            raise ValueError("zoom_steps must be at least 1, and scene_m not negative")
         if self.clahe_tiles < 1 or self.clahe_clip_limit <= 0.0:
             raise ValueError("clahe_tiles must be at least 1, and clahe_clip_limit positive")
         if self.sigma_m <= 0.0 or min(self.kappa, self.kappa_fall, self.flat_variance) < 0.0:
@@ -97,11 +105,14 @@ class Matches:
         value: (K,) MAX of Code 2.2, in [0, 1].
         column: (K,) left edge of the view on the reference, 0-based (COL - 1 of Code 2.2).
         columns: (K,) columns of the reference that was searched.
+        advance: (K,) how far ahead of the reference's place the camera stands, in distances of the scene: 1 - 1 / rho
+            of (2.5), negative behind it.
     """
 
     value: Floats
     column: Ints
     columns: Ints
+    advance: Floats
 
 
 def make_reference(pixels: Floats, slot_width: int, flat_variance: float, circular: bool) -> Reference:
@@ -176,17 +187,19 @@ def match_slots(frame: Floats, reference: Reference, slots: int, flat_variance: 
     value = slot_values(frame, reference, slots, flat_variance)
     best = value.argmax(axis=2)  # MATCH_SLOT: the first of equal slots, as ">" in Code 2.1 keeps it
     kept = np.where(np.arange(slots) == best[..., None], np.maximum(value, 0.0), 0.0)  # MATCH_VAL, by slot
-    total = sum(_shifted(kept[..., n], n * width, reference.circular) for n in range(slots))
+    total = sum(shifted(kept[..., n], n * width, reference.circular) for n in range(slots))
     column = np.asarray(total).argmax(axis=1)
     value_there = np.take_along_axis(np.asarray(total), column[:, None], axis=1)[:, 0] / slots
-    return Matches(value_there, column, np.full(len(column), reference.pixels.shape[2]))
+    return Matches(value_there, column, np.full(len(column), reference.pixels.shape[2]), np.zeros(len(column)))
 
 
-def _shifted(values: Floats, columns: int, circular: bool) -> Floats:
-    """Values (K, N) moved left; what comes in from the right is the other end of the circle, or nothing."""
+def shifted(values: Floats, columns: int, circular: bool) -> Floats:
+    """Values (K, N, ...) moved left; what comes in from the right is the other end of the circle, or nothing."""
     moved = np.roll(values, -columns, axis=1)
-    if not circular and columns:
+    if not circular and columns > 0:
         moved[:, -columns:] = 0.0
+    if not circular and columns < 0:
+        moved[:, :-columns] = 0.0
     return moved
 
 
@@ -198,8 +211,10 @@ class IMA:
     all the others, and the log-likelihood is linear in the match above that.
     """
 
-    Config = IMAConfig
+    Config: ClassVar[type[IMAConfig]] = IMAConfig
     needs = frozenset({"rgb"})
+    unrelated_match: ClassVar[float] = 0.43
+    """95th percentile of IMA with 8 slots between unrelated pictures: what a map of one node is held against."""
 
     def __init__(self, config: IMAConfig | None = None) -> None:
         self.config = config or IMAConfig()
@@ -228,7 +243,7 @@ class IMA:
             self._reference([_scaled(circle, columns, self._rows, 1.0, zoom) for circle in circles], circular=True)
             for zoom in self._reference_zooms()
         ]
-        self.base_match = self._match_of_wrong_nodes(circles, camera)
+        self._scale_by(*self._values_of_wrong_nodes(circles, camera))
 
     def observe(self, frame: Frame) -> Evidence:
         """One hypothesis a node: where and how well the frame matches its panorama; blind for a flat picture."""
@@ -265,11 +280,17 @@ class IMA:
             for zoom in self._reference_zooms()
         ]
         best = self._best_of_zooms(self._filtered(image, self.config.clahe), references)
-        return float(best.value[0]), int(best.column[0])
+        return float(self._likeness(best.value)[0]), int(best.column[0])
+
+    def _advances(self) -> Floats:
+        """Displacements 1 - 1 / rho (2.5) of the zooms each way, smallest first, in distances of the scene."""
+        farthest = 1.0 - 1.0 / self.config.zoom
+        steps = np.arange(1, self.config.zoom_steps + 1) if farthest > 0.0 else np.zeros(0)
+        return np.asarray(farthest * steps / self.config.zoom_steps)
 
     def _reference_zooms(self) -> list[float]:
         """Zooms of the references: 1, and 1 / rho_out of (2.8), which stands for zooming the frame out."""
-        return [1.0] if self.config.zoom == 1.0 else [1.0, 2.0 - 1.0 / self.config.zoom]
+        return [1.0, *(1.0 + self._advances()).tolist()]
 
     def _filtered(self, image: Image, filtering: bool, hfov_deg: float | None = None) -> Image:
         """Grey at full size, with CLAHE where asked for; ``hfov_deg`` is given for a full circle."""
@@ -280,58 +301,103 @@ class IMA:
 
     def _reference(self, pictures: list[Floats], circular: bool) -> Reference:
         slot_width = self.config.scale_columns // self.config.slots
-        return make_reference(np.stack(pictures), slot_width, self.config.flat_variance, circular)
+        prepared = np.stack([self._prepared(picture, circular) for picture in pictures])
+        return make_reference(prepared, slot_width, self.config.flat_variance, circular)
+
+    def _prepared(self, picture: Floats, circular: bool = False) -> Floats:
+        """What of a scaled picture (rows, columns) is matched: the published IMA takes its grey levels as they are."""
+        del circular
+        return picture
+
+    def _matched(self, frame: Floats, reference: Reference) -> Matches:
+        """A prepared frame found on each of K references."""
+        return match_slots(frame, reference, self.config.slots, self.config.flat_variance)
+
+    def _likeness(self, value: Floats) -> Floats:
+        """``Evidence.match`` of what ``_matched`` found: the published IMA's is that value itself."""
+        return value
 
     def _best_of_zooms(self, picture: Image, references: list[Reference]) -> Matches:
-        """The best of the three combinations of 4.1.5 for each reference, ``picture`` at full size and filtered."""
+        """The best of the combinations of 4.1.5 for each reference, ``picture`` at full size and filtered."""
         rows, columns = references[0].pixels.shape[1], self.config.scale_columns
-        plain = _scaled(picture, columns, rows)
-        pairs = [(plain, references[0])]
-        if len(references) > 1:
-            zoomed = _scaled(picture, columns, rows, self.config.zoom, self.config.zoom)
-            pairs += [(zoomed, references[0]), (plain, references[1])]
-        found = [match_slots(frame, one, self.config.slots, self.config.flat_variance) for frame, one in pairs]
-        values = np.stack([matches.value for matches in found])
-        best = values.argmax(axis=0)
-        of_each = np.arange(values.shape[1])
-        return Matches(
-            values[best, of_each],
-            np.stack([matches.column for matches in found])[best, of_each],
-            np.stack([matches.columns for matches in found])[best, of_each],
-        )
+        plain = self._prepared(_scaled(picture, columns, rows))
+        pairs, advances = [(plain, references[0])], [0.0]
+        for advance, wider in zip(self._advances().tolist(), references[1:], strict=True):
+            zoom = 1.0 / (1.0 - advance)
+            zoomed = self._prepared(_scaled(picture, columns, rows, zoom, zoom))
+            pairs += [(zoomed, references[0]), (plain, wider)]
+            advances += [-advance, advance]
+        found = [self._matched(frame, reference) for frame, reference in pairs]
+        return _best(found, np.array(advances))
 
     def _evidence(self, matches: Matches, mount: Floats) -> Evidence:
         """Heading by (2.2), of the window's middle on the circle that was searched, counter-clockwise.
 
-        The panoramas were taken by a robot that turned on its axis (5.1.2), so the node is where that axis stood.
+        The panoramas were taken by a robot that turned on its axis (5.1.2), so the node is where that axis stood; the
+        zoom that matches best tells how far ahead of it the robot is now.
         """
         middle = matches.column + self.config.scale_columns / 2.0
         heading = wrap(self._headings - middle * 2.0 * np.pi / matches.columns)
-        count = len(matches.value)
-        sureness = matches.value - self.base_match - self.config.sure_margin
+        ahead = self.config.scene_m * matches.advance
+        positions = self._positions + ahead[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+        match = self._likeness(matches.value)
+        count = len(match)
+        sureness = match - self.base_match - self.config.sure_margin
         return Evidence(
-            poses=camera_on_nodes(self._positions, heading, mount),
+            poses=camera_on_nodes(positions, heading, mount),
             nodes=np.arange(count),
-            match=matches.value,
-            distance=1.0 - matches.value,
-            log_likelihoods=self.config.slope * (matches.value - self.base_match - self.config.margin)
-            - np.log(self._density),
+            match=match,
+            distance=1.0 - match,
+            log_likelihoods=self.config.slope * (match - self.base_match - self.config.margin) - np.log(self._density),
             sigma=np.full(count, self.config.sigma_m),
             kappa=self.config.kappa * np.exp(self.config.kappa_fall * np.minimum(sureness, 0.0)),
             log_floor=self.config.log_floor,
         )
 
-    def _match_of_wrong_nodes(self, circles: list[Image], camera: Camera) -> float:
-        """Mean match of views cut from each node's panorama against all other places; few views of many nodes."""
+    def _scale_by(self, wrong: Floats, weights: Floats, distances: Floats) -> None:
+        """Take the scale of the map from what wrong nodes give: values, weights and distances away [m], (N,) each."""
+        del distances  # the published IMA matches on a node, so that any other node is wrong
+        self.base_match = (
+            float(np.average(self._likeness(wrong), weights=weights)) if len(wrong) else self.unrelated_match
+        )
+
+    def _values_of_wrong_nodes(self, circles: list[Image], camera: Camera) -> tuple[Floats, Floats, Floats]:
+        """What ``_scale_by`` takes, of views cut from each node's panorama on all others; few views of many nodes."""
         chosen = np.unique(np.linspace(0, len(circles) - 1, min(len(circles), CALIBRATION_NODES)).round().astype(int))
-        matches, weights = [], []
+        values, weights, distances = [], [], []
         for own in chosen:
-            others = np.linalg.norm(self._positions - self._positions[own], axis=1) > SAME_PLACE_M
+            away = np.linalg.norm(self._positions - self._positions[own], axis=1)
+            others = away > SAME_PLACE_M
             for window, _ in cut_views(circles[own], 0.0, camera)[::CALIBRATION_STRIDE]:
-                matches.append(self._best_of_zooms(window, self._references).value[others])
+                values.append(self._best_of_zooms(window, self._references).value[others])
                 weights.append(1.0 / (self._density[own] * self._density[others]))
-        wrong, weight = np.concatenate(matches), np.concatenate(weights)
-        return float(np.average(wrong, weights=weight)) if len(wrong) else UNRELATED_MATCH
+                distances.append(away[others])
+        return np.concatenate(values), np.concatenate(weights), np.concatenate(distances)
+
+
+def _best(found: Sequence[Matches], advances: Floats) -> Matches:
+    """The best of several zooms (Z) for each of K references; its displacement is refined by a parabola.
+
+    Args:
+        found: Z matches, the plain one first.
+        advances: (Z,) displacements that they stand for, evenly spaced when sorted.
+    """
+    values = np.stack([matches.value for matches in found])
+    best, of_each = values.argmax(axis=0), np.arange(values.shape[1])
+    order = np.argsort(advances)
+    place = np.argsort(order)[best]  # of the best zoom among the sorted ones
+    inner = (place > 0) & (place < len(order) - 1)
+    before, after = (values[order[np.clip(place + side, 0, len(order) - 1)], of_each] for side in (-1, 1))
+    peak = values[best, of_each]
+    bend = before - 2.0 * peak + after
+    shift = np.divide(before - after, 2.0 * bend, out=np.zeros_like(peak), where=inner & (bend < 0.0))
+    step = advances[order[1]] - advances[order[0]] if len(order) > 1 else 0.0
+    return Matches(
+        peak,
+        np.stack([matches.column for matches in found])[best, of_each],
+        np.stack([matches.columns for matches in found])[best, of_each],
+        advances[best] + step * shift,
+    )
 
 
 def _scaled(picture: Image, columns: int, rows: int, zoom_columns: float = 1.0, zoom_rows: float = 1.0) -> Floats:

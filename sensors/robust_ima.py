@@ -1,0 +1,131 @@
+"""A robust IMA beside the published one: less sensitive to light and to what stands in the way (thesis 6.1; ours)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import cv2
+import numpy as np
+
+from sensors.calibration import WRONG_QUANTILE
+from sensors.ima import IMA, IMAConfig, Matches, Reference, shifted, slot_values
+from topoloc.geometry import Floats
+
+NEAR_M = 1.05
+"""A node within this is not far off (DESIGN.md: adjacent within 1 m): with zoom, its views are found where they are."""
+DOUBTFUL = 0.45
+"""Value that 95 % of views of wrong nodes stay below in the simulated laboratory: for a map of one node."""
+
+
+@dataclass(frozen=True)
+class RobustIMAConfig(IMAConfig):
+    """Settings of the robust IMA: those of IMA, some with other defaults, and three of its own.
+
+    Attributes:
+        zoom: digital zoom rho_in, the largest that is tried.
+        zoom_steps: zooms tried each way (2.4.3, 6.2).
+        scene_m: distance of what is seen in (2.5) [m]; from ``benchmarks/calibration.py``.
+        contrast_columns: standard deviation of the Gaussian window that contrast is measured in, columns of the scaled
+            frame.
+        contrast_grey: contrast that stays as it is [grey levels]; where there is much more, all are made alike.
+        slack_columns: how far a slot may lie from its place in the row of slots, columns: near things shift against
+            far ones when the robot stands beside the node.
+        slope: log-likelihood ratio per unit of match; this and the next from ``benchmarks/calibration.py``.
+        margin: match above the mean of wrong nodes at which the ratio is 1.
+        sigma_m: how far around a hypothesis a match holds [m].
+        kappa_fall: how fast the log of the heading's concentration falls with the match, per unit.
+        sure_margin: match above the mean of wrong nodes from which on a match is sure.
+    """
+
+    zoom: float = 1.3
+    zoom_steps: int = 3
+    scene_m: float = 2.7
+    contrast_columns: float = 6.0
+    contrast_grey: float = 3.0
+    slack_columns: int = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.contrast_columns <= 0.0 or self.contrast_grey <= 0.0:
+            raise ValueError("contrast_columns and contrast_grey must be positive")
+        if not 0 <= self.slack_columns < self.scale_columns // self.slots:
+            raise ValueError(f"slack_columns is {self.slack_columns}; it must lie between 0 and the width of a slot")
+
+
+class RobustIMA(IMA):
+    """IMA with local contrast, slots that may give way, and no contest between them.
+
+    Three departures from chapter 2. Contrast is made alike all over the picture before slots are compared, so that
+    light and shade count for little. Every slot counts with its own correlation at its own place, give or take
+    ``slack_columns``, not only where it beats the other slots (Code 2.1): at a right place a slot that looks like its
+    neighbour is lost there. And correlations below zero count as zero: what covers a slot cannot speak against the
+    others. The value is the mean of these correlations over the slots, in [0, 1].
+    """
+
+    Config: ClassVar[type[IMAConfig]] = RobustIMAConfig
+    config: RobustIMAConfig
+    unrelated_match: ClassVar[float] = 0.33
+    """Mean match of wrong nodes in the simulated laboratory."""
+
+    def __init__(self, config: RobustIMAConfig | None = None) -> None:
+        super().__init__(config or RobustIMAConfig())
+        self._doubtful = DOUBTFUL
+
+    def _prepared(self, picture: Floats, circular: bool = False) -> Floats:
+        return local_contrast(picture, self.config.contrast_columns, self.config.contrast_grey, circular)
+
+    def _matched(self, frame: Floats, reference: Reference) -> Matches:
+        return match_loosely(frame, reference, self.config.slots, self.config.flat_variance, self.config.slack_columns)
+
+    def _likeness(self, value: Floats) -> Floats:
+        """1 for an identical image, 0.5 for ``_doubtful``, linear between (DESIGN.md, "Values")."""
+        return np.asarray(np.interp(value, [0.0, self._doubtful, 1.0], [0.0, 0.5, 1.0]))
+
+    def _scale_by(self, wrong: Floats, weights: Floats, distances: Floats) -> None:
+        far = distances > NEAR_M
+        if far.any():
+            wrong, weights, distances = wrong[far], weights[far], distances[far]
+        if len(wrong):
+            self._doubtful = float(np.quantile(wrong, 1.0 - WRONG_QUANTILE, weights=weights, method="inverted_cdf"))
+        super()._scale_by(wrong, weights, distances)
+
+
+def local_contrast(picture: Floats, window: float, grey: float, circular: bool) -> Floats:
+    """Grey levels less their local mean, divided by one more than their local deviation in units of ``grey``.
+
+    Args:
+        picture: (rows, columns) grey levels.
+        window: standard deviation of the Gaussian window, columns.
+        grey: deviation that is about halved [grey levels]; much less stays as it is, much more comes out alike.
+        circular: the columns close a circle.
+    """
+    margin = min(int(np.ceil(4.0 * window)), picture.shape[1]) if circular else 0
+    wide = np.concatenate([picture[:, picture.shape[1] - margin :], picture, picture[:, :margin]], axis=1)
+    deviation = wide - _blurred(wide, window)
+    spread = np.sqrt(_blurred(deviation**2, window))
+    return np.asarray((deviation / (1.0 + spread / grey))[:, margin : margin + picture.shape[1]])
+
+
+def _blurred(picture: Floats, window: float) -> Floats:
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), window, borderType=cv2.BORDER_REFLECT), dtype=np.float64)
+
+
+def match_loosely(frame: Floats, reference: Reference, slots: int, flat_variance: float, slack: int) -> Matches:
+    """Slots of a frame found in order on K references, each within ``slack`` columns of its place.
+
+    Args:
+        frame: (rows, columns) prepared like the references.
+        reference: K references as high as the frame.
+        slots: N_s.
+        flat_variance: see ``slot_values``.
+        slack: columns.
+    """
+    width = frame.shape[1] // slots
+    correlation = np.maximum(2.0 * slot_values(frame, reference, slots, flat_variance) - 1.0, 0.0)  # back from (A.4)
+    near = [shifted(correlation, shift, reference.circular) for shift in range(-slack, slack + 1)]
+    best = np.maximum.reduce(near)
+    total = np.sum([shifted(best[..., n], n * width, reference.circular) for n in range(slots)], axis=0)
+    column = total.argmax(axis=1)
+    value = np.take_along_axis(total, column[:, None], axis=1)[:, 0] / slots
+    return Matches(value, column, np.full(len(column), reference.pixels.shape[2]), np.zeros(len(column)))
