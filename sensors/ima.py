@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -231,18 +231,14 @@ class IMA:
             names = ", ".join(lacking[:5])
             raise UserError(f"map {topo_map.name!r}: ima needs a panorama at every node; add one for {names}")
         camera = topo_map.camera
-        filtering = self.config.clahe and not topo_map.filtered
+        self._camera, self._filtering = camera, self.config.clahe and not topo_map.filtered
         panoramas = [node.panorama for node in topo_map.nodes if node.panorama is not None]
-        circles = [self._filtered(image, filtering, camera.hfov_deg) for image in panoramas]
+        circles = [self._filtered(image, self._filtering, camera.hfov_deg) for image in panoramas]
         self._positions = topo_map.positions
         self._headings = np.array([node.heading for node in topo_map.nodes])
         self._density = cKDTree(self._positions).query_ball_point(self._positions, SAME_PLACE_M, return_length=True)
         self._rows = max(1, round(self.config.scale_columns * camera.height / camera.width))
-        columns = camera.panorama_columns(self.config.scale_columns)
-        self._references = [
-            self._reference([_scaled(circle, columns, self._rows, 1.0, zoom) for circle in circles], circular=True)
-            for zoom in self._reference_zooms()
-        ]
+        self._references = self._circle_references(circles)
         self._scale_by(*self._values_of_wrong_nodes(circles, camera))
 
     def observe(self, frame: Frame) -> Evidence:
@@ -254,6 +250,32 @@ class IMA:
             return Evidence.blind()
         matches = self._best_of_zooms(self._filtered(image, self.config.clahe), self._references)
         return self._evidence(matches, frame.camera)
+
+    def prepare(self, panorama: Image) -> list[Reference]:
+        """A panorama of the map made ready as ``fit`` does with every node's: plain, and zoomed in, each with K = 1."""
+        return self._circle_references([self._filtered(panorama, self._filtering, self._camera.hfov_deg)])
+
+    def prepared(self, node: int) -> list[Reference]:
+        """The same of the panorama that a node has now, by index; to be looked at only."""
+        one = slice(node, node + 1)
+        return [Reference(ready.pixels[one], ready.norms[one], ready.circular) for ready in self._references]
+
+    def replace_panorama(self, node: int, panorama: Image) -> None:
+        """Give a node, by index, another panorama: as if ``fit`` had met it, but for the scale of the map.
+
+        What wrong nodes give is not measured anew: one panorama changes it little, and to do so takes a second.
+
+        Args:
+            node: index into the nodes of the map.
+            panorama: uint8 (rows, columns[, 3]), from the same heading on as the one before.
+        """
+        for ready, new in zip(self._references, self.prepare(panorama), strict=True):
+            ready.pixels[node], ready.norms[node] = new.pixels[0], new.norms[0]
+
+    def find(self, image: Image, references: list[Reference]) -> Matches:
+        """Where and how well a full-size frame matches panoramas that are ready; ``value`` as ``Evidence.match``."""
+        found = self._best_of_zooms(self._filtered(image, self.config.clahe), references)
+        return replace(found, value=self._likeness(found.value))
 
     def compare(self, image: Image, reference: Image) -> tuple[float, int]:
         """Match an image against a plain single image of the same camera, no circle (thesis 5.1.1, 5.1.5).
@@ -277,7 +299,7 @@ class IMA:
         kept = self._filtered(reference, self.config.clahe)
         references = [
             self._reference([_scaled(kept, columns, rows, 1.0, zoom)], circular=False)
-            for zoom in self._reference_zooms()
+            for zoom in self.reference_zooms()
         ]
         best = self._best_of_zooms(self._filtered(image, self.config.clahe), references)
         return float(self._likeness(best.value)[0]), int(best.column[0])
@@ -288,7 +310,7 @@ class IMA:
         steps = np.arange(1, self.config.zoom_steps + 1) if farthest > 0.0 else np.zeros(0)
         return np.asarray(farthest * steps / self.config.zoom_steps)
 
-    def _reference_zooms(self) -> list[float]:
+    def reference_zooms(self) -> list[float]:
         """Zooms of the references: 1, and 1 / rho_out of (2.8), which stands for zooming the frame out."""
         return [1.0, *(1.0 + self._advances()).tolist()]
 
@@ -298,6 +320,14 @@ class IMA:
         if not filtering:
             return plain
         return clahe(plain, self.config.clahe_clip_limit, self.config.clahe_tiles, hfov_deg)
+
+    def _circle_references(self, circles: list[Image]) -> list[Reference]:
+        """Filtered full-size panoramas, plain and zoomed in."""
+        columns = self._camera.panorama_columns(self.config.scale_columns)
+        return [
+            self._reference([_scaled(circle, columns, self._rows, 1.0, zoom) for circle in circles], circular=True)
+            for zoom in self.reference_zooms()
+        ]
 
     def _reference(self, pictures: list[Floats], circular: bool) -> Reference:
         slot_width = self.config.scale_columns // self.config.slots
@@ -328,7 +358,7 @@ class IMA:
             pairs += [(zoomed, references[0]), (plain, wider)]
             advances += [-advance, advance]
         found = [self._matched(frame, reference) for frame, reference in pairs]
-        return _best(found, np.array(advances))
+        return best_of(found, np.array(advances))
 
     def _evidence(self, matches: Matches, mount: Floats) -> Evidence:
         """Heading by (2.2), of the window's middle on the circle that was searched, counter-clockwise.
@@ -375,7 +405,7 @@ class IMA:
         return np.concatenate(values), np.concatenate(weights), np.concatenate(distances)
 
 
-def _best(found: Sequence[Matches], advances: Floats) -> Matches:
+def best_of(found: Sequence[Matches], advances: Floats) -> Matches:
     """The best of several zooms (Z) for each of K references; its displacement is refined by a parabola.
 
     Args:

@@ -100,7 +100,7 @@ def local_contrast(picture: Floats, window: float, grey: float, circular: bool) 
         grey: deviation that is about halved [grey levels]; much less stays as it is, much more comes out alike.
         circular: the columns close a circle.
     """
-    margin = min(int(np.ceil(4.0 * window)), picture.shape[1]) if circular else 0
+    margin = min(2 * int(np.ceil(4.0 * window)), picture.shape[1]) if circular else 0  # blurred twice
     wide = np.concatenate([picture[:, picture.shape[1] - margin :], picture, picture[:, :margin]], axis=1)
     deviation = wide - _blurred(wide, window)
     spread = np.sqrt(_blurred(deviation**2, window))
