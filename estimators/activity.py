@@ -40,7 +40,8 @@ class ActivityTrackerConfig:
         sigma_m: of the distance, where fixed [m].
         sigma_deg: of the heading, where fixed [deg].
         outlier_floor: share of the action model, where fixed, that any move has, since odometry may err and the robot
-            may be carried off; at 0 a tracker that has gone wrong stays so for long.
+            may be carried off; it adds up over the updates since a match last won: 1 - (1 - outlier_floor)^(1 + n). At
+            0 a tracker that has gone wrong stays so for long.
         match_power: power of the match in the update; 1 is the thesis's (3.23). Fixed sigmas do best with about 4: a
             move counts for more there, and so must the difference between a match of 0.7 and one of 0.5.
         reset: where the odometry is reset to: ``node``, the thesis's (3.7), which its author found to make most of the
@@ -169,6 +170,7 @@ class ActivityTracker:
             heading: the corrected odometer heading there [rad].
         """
         self._origins, self._best_origin = origins, best_origin
+        self._unmatched = 0  # updates since a match last won
         self._odometer_heading = 0.0  # integrated from the motions that follow
         self._offset = heading  # of the map's heading against the odometer's
         self._reset_odometry()
@@ -197,6 +199,7 @@ class ActivityTracker:
         if len(destinations) == 0:
             kind, node = ("none", None) if supposed is None else ("supposed", self._node_at(supposed))
             nothing = np.zeros((0, len(self._origins)))
+            self._unmatched += 1
             self.last = TrackerStep(kind, node, self._origins, destinations, None, nothing, nothing)
             return
         delta_l, delta_phi = self._deviations(destinations)
@@ -215,6 +218,7 @@ class ActivityTracker:
             node = self._node_at(self._places(done)[winner])
         kind = "virtual" if done.virtual[winner] else "normal"
         self.last = TrackerStep(kind, node, self._origins, done, winner, delta_l, delta_phi)
+        self._unmatched = self._unmatched + 1 if done.virtual[winner] else 0
         self._reset_to(done, winner)
 
     @property
@@ -283,9 +287,14 @@ class ActivityTracker:
         config = self.config
         if config.deviation == "largest":
             return action_model(delta_l, delta_phi)
-        return fixed_action_model(
-            delta_l, delta_phi, config.sigma_m, np.deg2rad(config.sigma_deg), config.outlier_floor
-        )
+        return fixed_action_model(delta_l, delta_phi, config.sigma_m, np.deg2rad(config.sigma_deg), self._floor)
+
+    @property
+    def _floor(self) -> float:
+        """Share of the action model that any move has now."""
+        if self.config.deviation == "largest":
+            return 0.0
+        return float(1.0 - (1.0 - self.config.outlier_floor) ** (1 + self._unmatched))
 
     def _settled(self, destinations: Hypotheses, fits: Floats, reached: Floats) -> Hypotheses:
         """Destinations where match and odometry together put them (ours), their headings freed from parallax.
@@ -298,11 +307,10 @@ class ActivityTracker:
             fits: (D, O) action model.
             reached: (D,) predictions (3.22).
         """
-        config, origins = self.config, self._origins
+        origins = self._origins
         matched, led = self._places(destinations), self._places(origins) + self._displacement
-        floor = config.outlier_floor if config.deviation == "fixed" else 0.0
         share = np.divide(
-            (fits - floor) * origins.activity, reached[:, None], where=reached[:, None] > 0.0, out=fits * 0
+            (fits - self._floor) * origins.activity, reached[:, None], where=reached[:, None] > 0.0, out=fits * 0
         )
         before, measured = origins.variances + self._drift[0], destinations.variances[:, None]
         gain = np.where(destinations.virtual[:, None], 0.0, share * measured / (measured + before))
