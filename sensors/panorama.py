@@ -1,50 +1,68 @@
-"""Panorama reconstruction from a turn of overlapping snapshots: the thesis's variant of IMA (2.2, Code 2.3)."""
+"""Panoramas from a turn of overlapping snapshots (thesis 2.2, 4.1.2): what the methods of reconstruction share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
-from sensors.ima import IMAConfig, make_reference, slot_values
-from sensors.images import clahe, grey, resize
+from sensors.images import clahe, grey
 from topoloc.errors import UserError
 from topoloc.geometry import Floats, wrap
 from topoloc.thesis import THESIS
 from topoloc.topo_map import Camera
-from topoloc.types import Image, Ints
+from topoloc.types import Image, Ints, Pixels
 
 
 @dataclass(frozen=True)
 class PanoramaConfig:
-    """Settings of the reconstruction.
+    """Settings that every method of reconstruction has.
 
     Attributes:
-        slots: slots of IMA; more align better (5.1.2, 5.1.3).
-        clahe: filter the snapshots with CLAHE, and write the panorama filtered, grey.
-        scale_columns: columns of a snapshot while it is aligned.
-        clahe_clip_limit: OpenCV's clip limit.
-        clahe_tiles: tiles along each side of a snapshot.
         hfov_deg: horizontal field of view of a snapshot, degrees.
         start_deg: heading of the first snapshot's optical axis, degrees counter-clockwise.
+        clahe: filter the snapshots with CLAHE (2.2.2), and write the panorama filtered, grey.
+        clahe_clip_limit: OpenCV's clip limit.
+        clahe_tiles: tiles along each side of a snapshot.
     """
 
-    slots: int = THESIS.panorama_slots
-    clahe: bool = THESIS.clahe
-    scale_columns: int = THESIS.scale_columns
-    clahe_clip_limit: float = THESIS.clahe_clip_limit
-    clahe_tiles: int = THESIS.clahe_tiles
     hfov_deg: float = Camera.hfov_deg
     start_deg: float = 0.0
+    clahe: bool = THESIS.clahe
+    clahe_clip_limit: float = THESIS.clahe_clip_limit
+    clahe_tiles: int = THESIS.clahe_tiles
 
     def __post_init__(self) -> None:
-        if not 1 <= self.slots <= self.scale_columns:
-            raise ValueError(f"slots is {self.slots}; it must lie between 1 and {self.scale_columns}")
         if not 0.0 < self.hfov_deg < 180.0:
             raise ValueError(f"hfov_deg is {self.hfov_deg}; it must lie between 0 and 180")
+        if not np.isfinite(self.start_deg):
+            raise ValueError(f"start_deg is {self.start_deg}; it must be a number of degrees")
         if self.clahe_tiles < 1 or self.clahe_clip_limit <= 0.0:
             raise ValueError("clahe_tiles must be at least 1, and clahe_clip_limit positive")
+
+
+@dataclass(frozen=True)
+class Insertion:
+    """Why a snapshot stands where it does, for whoever looks for the reason of a failure (4.1.2).
+
+    Attributes:
+        before: number of the snapshot that it was matched with, 0-based; None: with all that stood already.
+        angles_deg: (C,) candidates: clockwise angle to the axis of ``before``, or from the first column [degrees].
+        score: (C,) how well the pictures match there.
+        prior: (C,) what speaks for a candidate without looking, to be added; None where nothing does.
+        chosen_deg: the candidate taken.
+        slots: (N_s,) match of each slot of IMA where it was inserted: 0 where another slot fits better, NaN over what
+            is not filled yet; None where nothing was matched by slots.
+    """
+
+    before: int | None
+    angles_deg: Floats
+    score: Floats
+    prior: Floats | None
+    chosen_deg: float
+    slots: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -57,6 +75,10 @@ class Panorama:
         headings: (S,) heading of each snapshot's optical axis [rad, ccw].
         heading: of the left edge of the first column [rad, ccw], as ``nodes.csv`` wants it.
         filled: share of the columns that some snapshot covers.
+        gaps: (i, j, degrees) for snapshots i and j, 0-based, j next to i clockwise, that leave columns between them
+            unseen; empty where the circle is closed.
+        notes: what the user should know of it, a sentence each.
+        insertions: (S,) the reason of each place.
     """
 
     image: Image
@@ -64,96 +86,35 @@ class Panorama:
     headings: Floats
     heading: float
     filled: float
+    gaps: tuple[tuple[int, int, float], ...] = ()
+    notes: tuple[str, ...] = ()
+    insertions: tuple[Insertion, ...] = ()
 
 
-class ThesisReconstruction:
-    """The published method: IMA with Code 2.3, each snapshot placed where it matches what stands already.
+class GapTooWide(UserError):
+    """Two neighbouring snapshots leave more unseen between them than a panorama may lack.
 
-    The search knows neither the step angle nor the odometry, so on real photographs it drifts wherever the exposure
-    changes between neighbours.
+    Attributes:
+        pair: their numbers, 0-based; the second lies clockwise of the first.
+        panorama: what was reconstructed, with the gap, so that it can be looked at.
     """
 
-    Config = PanoramaConfig
-
-    def __init__(self, config: PanoramaConfig | None = None) -> None:
-        self.config = config or PanoramaConfig()
-
-    def reconstruct(self, snapshots: Sequence[Image], progress: Callable[[int], None] | None = None) -> Panorama:
-        """Align snapshots one after the other and paste them into a circle; each covers what it overlaps.
-
-        Args:
-            snapshots: RGB or grey, of one size, in the order they were taken, turning clockwise.
-            progress: called with the number of snapshots done.
-
-        Raises:
-            UserError: no snapshots, or snapshots of different sizes.
-        """
-        _check(snapshots)
-        rows, columns = snapshots[0].shape[:2]
-        scale = self.config.scale_columns
-        camera = Camera(self.config.hfov_deg, columns, rows)
-        pictures = [_filtered(snapshot, self.config) for snapshot in snapshots]
-        small_rows = round(scale * rows / columns)
-        canvas = _Canvas.empty(small_rows, camera.panorama_columns(scale))
-        lefts = []
-        for done, picture in enumerate(pictures, start=1):
-            small = resize(grey(picture), scale, small_rows).astype(np.float64)
-            left = best_column(small, canvas, self.config.slots)
-            canvas.insert(small, left)
-            lefts.append(left)
-            if progress is not None:
-                progress(done)
-        return _paste(pictures, np.array(lefts), canvas, camera, self.config.start_deg)
+    def __init__(self, pair: tuple[int, int], names: Sequence[str], panorama: Panorama, hint: str = "") -> None:
+        self.pair, self.panorama = pair, panorama
+        width = next(gap for first, second, gap in panorama.gaps if (first, second) == pair)
+        super().__init__(
+            f"{names[pair[0]]} and {names[pair[1]]} leave {width:.0f} degrees between them unseen, more than half a "
+            f"view; take snapshots between them, or correct the field of view and the nominal step{hint}"
+        )
 
 
-@dataclass
-class _Canvas:
-    """The circle while it grows: grey levels (rows, columns) at the matching scale, and which columns are filled."""
-
-    pixels: Floats
-    filled: np.ndarray
-
-    @classmethod
-    def empty(cls, rows: int, columns: int) -> _Canvas:
-        """A circle on which nothing stands yet."""
-        return cls(np.zeros((rows, columns)), np.zeros(columns, dtype=bool))
-
-    def insert(self, picture: Floats, left: int) -> None:
-        """Paste a picture with its left edge at a column; it covers what stands there."""
-        at = (left + np.arange(picture.shape[1])) % self.pixels.shape[1]
-        self.pixels[:, at] = picture
-        self.filled[at] = True
+def named(snapshots: Sequence[Image], names: Sequence[str] | None) -> Sequence[str]:
+    """The names that messages use: those given, or the numbers from 1."""
+    return names if names is not None else [f"snapshot {number}" for number in range(1, len(snapshots) + 1)]
 
 
-def best_column(picture: Floats, canvas: _Canvas, slots: int) -> int:
-    """Left column (0-based) of the best match of a picture on a growing circle: Code 2.1, then Code 2.3.
-
-    Code 2.3 recognises black by a match of exactly 0.5; this asks whether the region is filled yet, as it means
-    (EQUATIONS.md, 1): a slot over such a region counts as the mean of the slots to its left. A departure: a region
-    that is filled in part counts as not filled, since the edge to the black would be matched as if it were seen.
-    """
-    if not canvas.filled.any():
-        return 0  # "the first normal image is inserted on the very left" (2.2.1)
-    width = picture.shape[1] // slots
-    flat_variance = IMAConfig.flat_variance
-    reference = make_reference(canvas.pixels[None], width, flat_variance, circular=True)
-    value = slot_values(picture, reference, slots, flat_variance)[0]  # (columns, N_s)
-    known = _windows_filled(canvas.filled, width)
-    kept = np.where(np.arange(slots) == value.argmax(axis=1)[:, None], value, 0.0)
-    total = np.zeros(len(known))
-    for n in range(slots):
-        at_slot = np.roll(kept[:, n], -n * width)
-        mean_so_far = total / n if n else total
-        total = total + np.where(np.roll(known, -n * width), at_slot, mean_so_far)
-    return int(total.argmax())
-
-
-def _windows_filled(filled: np.ndarray, width: int) -> np.ndarray:
-    """Whether all columns of the slot-wide region that begins at each column are filled, around the circle."""
-    return np.asarray(np.logical_and.reduce([np.roll(filled, -k) for k in range(width)]))
-
-
-def _check(snapshots: Sequence[Image]) -> None:
+def refuse_unusable(snapshots: Sequence[Image]) -> None:
+    """Raise ``UserError`` where there are no snapshots, or where they differ in size."""
     if not snapshots:
         raise UserError("a panorama needs snapshots; give at least two that overlap")
     sizes = {snapshot.shape[:2] for snapshot in snapshots}
@@ -162,20 +123,86 @@ def _check(snapshots: Sequence[Image]) -> None:
         raise UserError(f"the snapshots have different sizes ({listed}); scale them to one size")
 
 
-def _filtered(snapshot: Image, config: PanoramaConfig) -> Image:
+def filtered(snapshot: Image, config: PanoramaConfig) -> Image:
+    """A snapshot as it goes into the panorama: with CLAHE and grey (2.2.2), or as it is."""
     if not config.clahe:
         return snapshot
     return clahe(grey(snapshot), config.clahe_clip_limit, config.clahe_tiles)
 
 
-def _paste(pictures: list[Image], lefts: Ints, canvas: _Canvas, camera: Camera, start_deg: float) -> Panorama:
-    """Paste the full-size pictures where their small ones matched, and turn columns into headings (2.2)."""
-    columns = camera.panorama_columns()
-    full = np.round(lefts * columns / len(canvas.filled)).astype(np.int64) % columns
+def on_cylinder(picture: Pixels, hfov_deg: float, shape: tuple[int, int], per_rad: float) -> Pixels:
+    """A pinhole camera's picture on a cylinder around it, so that its columns are linear in angle.
+
+    Args:
+        picture: (rows, columns[, 3]) uint8 or float32; so is the result.
+        hfov_deg: horizontal field of view, degrees.
+        shape: rows and columns of the result, about the optical axis; what the camera did not see repeats its edge.
+        per_rad: columns and rows of the result a radian.
+    """
+    rows, columns = picture.shape[:2]
+    focal = columns / 2.0 / np.tan(np.deg2rad(hfov_deg) / 2.0)
+    height, angle = ((np.arange(size) + 0.5 - size / 2.0) / per_rad for size in shape)
+    x = np.broadcast_to(focal * np.tan(angle) + columns / 2.0 - 0.5, shape).astype(np.float32)
+    y = (focal * height[:, None] / np.cos(angle) + rows / 2.0 - 0.5).astype(np.float32)
+    return np.asarray(cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
+def covering(pictures: Sequence[Image], lefts: Ints, columns: int) -> Image:
+    """A circle on which each picture covers those before it (2.2.1): (rows, columns[, 3]).
+
+    Args:
+        pictures: (rows, width[, 3]).
+        lefts: (S,) left column of each.
+        columns: of the circle.
+    """
     image = np.zeros((pictures[0].shape[0], columns, *pictures[0].shape[2:]), dtype=np.uint8)
-    for picture, left in zip(pictures, full, strict=True):
-        image[:, (left + np.arange(camera.width)) % columns] = picture
-    per_column = 2.0 * np.pi / columns
-    heading = np.deg2rad(start_deg) + (full[0] + camera.width / 2.0) * per_column
-    headings = wrap(heading - (full + camera.width / 2.0) * per_column)
-    return Panorama(image, full, headings, float(wrap(heading)), float(canvas.filled.mean()))
+    for picture, left in zip(pictures, lefts, strict=True):
+        image[:, (left + np.arange(picture.shape[1])) % columns] = picture
+    return image
+
+
+def feathered(pictures: Sequence[Image], lefts: Ints, columns: int) -> Image:
+    """A circle on which neighbours fade into each other linearly, all across their overlap: (rows, columns[, 3]).
+
+    A picture weighs as much as its nearer edge is far; seams, which lower the match (5.1.2), vanish.
+
+    Args:
+        pictures: (rows, width[, 3]).
+        lefts: (S,) left column of each.
+        columns: of the circle.
+    """
+    width = pictures[0].shape[1]
+    nearer_edge = np.minimum(np.arange(width), np.arange(width)[::-1]) + 0.5
+    weight = nearer_edge.reshape(1, width, *(1,) * (pictures[0].ndim - 2)).astype(np.float32)
+    levels = np.zeros((pictures[0].shape[0], columns, *pictures[0].shape[2:]), dtype=np.float32)
+    total = np.zeros((1, columns, *(1,) * (pictures[0].ndim - 2)), dtype=np.float32)
+    for picture, left in zip(pictures, lefts, strict=True):
+        at = (left + np.arange(width)) % columns
+        levels[:, at] += picture * weight
+        total[:, at] += weight
+    return np.rint(levels / np.maximum(total, 0.5)).astype(np.uint8)
+
+
+def filled_columns(lefts: Ints, width: int, columns: int) -> np.ndarray:
+    """Which columns (columns,) of a circle some picture ``width`` columns wide covers."""
+    filled = np.zeros(columns, dtype=bool)
+    filled[(lefts[:, None] + np.arange(width)) % columns] = True
+    return filled
+
+
+def gaps_between(headings: Floats, hfov_deg: float) -> tuple[tuple[int, int, float], ...]:
+    """Neighbours around the circle that do not overlap: both their numbers, and the degrees between their views.
+
+    Args:
+        headings: (S,) of the optical axes [rad, ccw], in any order.
+        hfov_deg: horizontal field of view of each, degrees.
+    """
+    clockwise = np.argsort(-wrap(headings), kind="stable")
+    following = np.roll(clockwise, -1)
+    apart = np.rad2deg(-np.diff(np.append(wrap(headings)[clockwise], wrap(headings)[clockwise[0]] - 2.0 * np.pi)))
+    unseen = apart - hfov_deg
+    return tuple(
+        (int(first), int(second), float(gap))
+        for first, second, gap in zip(clockwise, following, unseen, strict=True)
+        if gap > 0.0
+    )

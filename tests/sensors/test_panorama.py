@@ -1,116 +1,116 @@
-"""Code 2.3: literal transcription as the oracle, known placements, gaps, and real photographs."""
+"""What the methods share: bending, pasting and fading pictures on a circle, gaps, and what is refused."""
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
-from oracles.ima_literal import ncc
-from oracles.shared_data import RING6_SNAPSHOTS, yaws
+from hypothesis import given
+from hypothesis import strategies as st
 
-from sensors.ima import IMAConfig
-from sensors.panorama import PanoramaConfig, ThesisReconstruction, _Canvas, best_column
-from topoloc.errors import UserError
-from topoloc.files import read_image
+from sensors.panorama import (
+    GapTooWide,
+    Panorama,
+    PanoramaConfig,
+    covering,
+    feathered,
+    filled_columns,
+    gaps_between,
+    on_cylinder,
+)
 from topoloc.geometry import wrap
 
-FLAT = IMAConfig().flat_variance
-STEPS_DEG = (0.0, 27.0, 56.0, 88.0, 117.0, 150.0, 178.0, 209.0, 241.0, 268.0, 300.0, 331.0)
-"""About 30 degrees apart, imprecise as in 2.2."""
+NOISE = [*np.random.default_rng(3).integers(0, 256, (4, 6, 20, 3)).astype(np.uint8)]
+"""Four pictures, 20 columns wide."""
+LEFTS = np.array([0, 13, 27, 52])
+"""On 60 columns: overlaps of 7, 6 and 12, and a gap from 47 to 51."""
 
 
-def circle(seed: int = 0) -> np.ndarray:
-    coarse = np.random.default_rng(seed).integers(0, 256, (12, 144)).astype(np.uint8)
-    return np.kron(coarse, np.ones((6, 6), np.uint8))  # 72 x 864: frames of 96 columns are 40 degrees wide
+def test_covering_shows_the_last_picture() -> None:
+    image = covering(NOISE, LEFTS, 60)
+    np.testing.assert_array_equal(image[:, 13:27], NOISE[1][:, :14])
+    np.testing.assert_array_equal(image[:, np.arange(52, 72) % 60], NOISE[3])
+    assert not image[:, 47:52].any()
 
 
-def snapshots(angles_deg: tuple[float, ...] = STEPS_DEG) -> list[np.ndarray]:
-    whole = circle()
-    lefts = [round(angle / 360.0 * 864) for angle in angles_deg]
-    return [np.ascontiguousarray(whole[:, (left + np.arange(96)) % 864]) for left in lefts]
+def test_feathering_fades_linearly_across_the_overlap() -> None:
+    """White beside black: 7 columns of overlap fall from 13/14 to 1/14 of white; beyond them all is one or other."""
+    white, black = np.full((2, 20), 255, np.uint8), np.zeros((2, 20), np.uint8)
+    image = feathered([white, black], np.array([0, 13]), 60)
+    np.testing.assert_array_equal(image[0, :13], 255)
+    np.testing.assert_array_equal(image[0, 13:20], np.rint(255 * (1.0 - (np.arange(7) + 0.5) / 7.0)))
+    assert not image[:, 20:].any()
 
 
-def literal_code_2_3(new: np.ndarray, canvas: np.ndarray, filled: np.ndarray, n_s: int) -> int:
-    """Code 2.1 and 2.3 loop by loop, 1-based; black is "not filled yet" (EQUATIONS.md, 1)."""
-    w_ref, w_slot = canvas.shape[1], new.shape[1] // n_s
-    match_slot, match_val = [0] * (w_ref + 1), [0.0] * (w_ref + 1)
-    for n in range(1, n_s + 1):
-        val = ncc(canvas, new[:, (n - 1) * w_slot : n * w_slot], FLAT, True)
-        for c in range(1, w_ref + 1):
-            if val[c] > match_val[c]:
-                match_slot[c], match_val[c] = n, val[c]
-    black = [False] + [not all(filled[(c - 1 + k) % w_ref] for k in range(w_slot)) for c in range(1, w_ref + 1)]
-    best, col = 0.0, 1
-    for c in range(1, w_ref + 1):
-        total = 0.0
-        for n in range(1, n_s + 1):
-            i = (c + (n - 1) * w_slot - 1) % w_ref + 1
-            if black[i]:
-                total = total + (total / (n - 1) if n > 1 else 0.0)
-            elif match_slot[i] == n:
-                total = total + match_val[i]
-        if total > best:
-            best, col = total, c
-    return col
+@given(st.integers(0, 59))
+def test_feathering_turns_with_the_circle(turn: int) -> None:
+    turned = feathered(NOISE, (LEFTS + turn) % 60, 60)
+    np.testing.assert_array_equal(turned, np.roll(feathered(NOISE, LEFTS, 60), turn, axis=1))
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_best_column_is_that_of_the_literal_code(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    canvas = _Canvas.empty(4, 48)
-    canvas.insert(rng.integers(0, 256, (4, 16)).astype(float), 0)
-    if seed % 2:
-        canvas.insert(rng.integers(0, 256, (4, 16)).astype(float), 12)
-    new = np.concatenate([canvas.pixels[:, 10:16], rng.integers(0, 256, (4, 10))], axis=1).astype(float)
-    new += rng.normal(0, 3, new.shape)
-    assert best_column(new, canvas, 4) + 1 == literal_code_2_3(new, canvas.pixels, canvas.filled, 4)
+def test_feathering_stays_between_the_pictures_and_leaves_gaps_black() -> None:
+    image = feathered(NOISE, LEFTS, 60)
+    filled = filled_columns(LEFTS, 20, 60)
+    np.testing.assert_array_equal(np.flatnonzero(~filled), np.arange(47, 52))
+    assert not image[:, ~filled].any()
+    np.testing.assert_array_equal(image[:, 20:27], NOISE[1][:, 7:14])  # seen once: as it was
 
 
-def test_the_first_snapshot_goes_to_the_very_left() -> None:
-    assert best_column(circle()[:, :96].astype(float), _Canvas.empty(72, 864), 8) == 0
+@pytest.mark.parametrize("hfov_deg", [40.0, 65.0, 100.0])
+def test_columns_of_the_cylinder_are_linear_in_angle(hfov_deg: float) -> None:
+    """A pinhole camera shows an upright line at angle a in column f tan a; on the cylinder it stands at a itself."""
+    columns, per_rad = 400, 400 / np.deg2rad(hfov_deg)
+    focal = 200.0 / np.tan(np.deg2rad(hfov_deg) / 2.0)
+    for share in (-0.8, -0.4, 0.0, 0.3, 0.9):
+        angle = share * np.deg2rad(hfov_deg) / 2.0
+        x = np.arange(columns) + 0.5 - 200.0 - focal * np.tan(angle)
+        line = np.tile(255.0 * np.exp(-0.5 * (x / 3.0) ** 2), (60, 1)).astype(np.float32)
+        bent = on_cylinder(line, hfov_deg, (60, columns), per_rad)[30]
+        middle = (bent * (np.arange(columns) + 0.5)).sum() / bent.sum()
+        assert (middle - 200.0) / per_rad == pytest.approx(angle, abs=np.deg2rad(0.03))
 
 
-@pytest.mark.parametrize("clahe", [True, False])
-def test_imprecise_steps_are_found(clahe: bool) -> None:
-    """A column of 648 is 0.56 degrees; errors of neighbours may add up a little."""
-    config = PanoramaConfig(clahe=clahe, start_deg=10.0, slots=8)
-    made = ThesisReconstruction(config).reconstruct(snapshots())
-    errors = np.rad2deg(wrap(made.headings - np.deg2rad(10.0 - np.array(STEPS_DEG))))
-    assert np.abs(errors).max() < 1.5
-    assert made.filled == 1.0
-    assert np.rad2deg(made.heading) == pytest.approx(30.0)  # the left edge of the first column: half a view further
-    assert made.image.shape == (72, 864)
+def test_a_level_line_below_the_horizon_bends_up_to_the_sides() -> None:
+    """At the angle a it stands cos a as far below the horizon as in the middle."""
+    picture = np.zeros((300, 400), np.float32)
+    picture[250:253] = 255.0
+    bent = on_cylinder(picture, 60.0, (300, 400), 400 / np.deg2rad(60.0))
+    below = (bent * (np.arange(300) + 0.5)[:, None]).sum(axis=0) / bent.sum(axis=0) - 150.0
+    angle = np.deg2rad((np.arange(400) + 0.5 - 200.0) * 60.0 / 400.0)
+    np.testing.assert_allclose(below, below[200] * np.cos(angle), atol=0.6)
 
 
-def test_colour_stays_without_the_filter() -> None:
-    colour = [np.stack([one, one // 2, one // 3], axis=-1) for one in snapshots()]
-    made = ThesisReconstruction(PanoramaConfig(clahe=False)).reconstruct(colour)
-    assert made.image.shape == (72, 864, 3)
-    np.testing.assert_array_equal(made.image[:, made.columns[-1]], colour[-1][:, 0])
+@given(st.lists(st.floats(-3.14, 3.14), min_size=1, max_size=9), st.floats(5.0, 170.0))
+def test_gaps_are_what_no_snapshot_sees(headings: list[float], hfov_deg: float) -> None:
+    """Their widths add up to the share of 7200 directions that lie in no view."""
+    axes = np.array(headings)
+    gaps = gaps_between(axes, hfov_deg)
+    directions = np.deg2rad(np.arange(7200) / 20.0)
+    unseen = np.abs(wrap(directions[:, None] - axes)).min(axis=1) > np.deg2rad(hfov_deg) / 2.0
+    assert sum(gap for _, _, gap in gaps) == pytest.approx(unseen.sum() / 20.0, abs=0.06 * (len(gaps) + 1))
+    for first, second, gap in gaps:
+        assert wrap(axes[first] - axes[second] - np.deg2rad(gap + hfov_deg)) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_circle_that_is_not_closed_says_how_much_is_missing() -> None:
-    made = ThesisReconstruction(PanoramaConfig(slots=8)).reconstruct(snapshots(STEPS_DEG[:6]))
-    assert made.filled == pytest.approx(190.0 / 360.0, abs=0.01)
+def test_the_error_names_the_pair_and_survives_another_process() -> None:
+    panorama = Panorama(NOISE[0], LEFTS, np.zeros(4), 0.0, 0.5, ((2, 3, 31.0),))
+    error = pickle.loads(pickle.dumps(GapTooWide((2, 3), ["a.jpg", "b.jpg", "c.jpg", "d.jpg"], panorama)))
+    assert isinstance(error, GapTooWide)
+    assert error.pair == (2, 3)
+    assert str(error).startswith("c.jpg and d.jpg leave 31 degrees between them unseen")
 
 
-def test_progress_counts_snapshots() -> None:
-    counts: list[int] = []
-    ThesisReconstruction().reconstruct(snapshots(), counts.append)
-    assert counts == list(range(1, 13))
-
-
-def test_snapshots_of_different_sizes_are_refused() -> None:
-    with pytest.raises(UserError, match="different sizes"):
-        ThesisReconstruction().reconstruct([np.zeros((72, 96), np.uint8), np.zeros((72, 90), np.uint8)])
-
-
-@pytest.mark.skipif(not RING6_SNAPSHOTS.is_dir(), reason="the real photographs are not on this machine")
-def test_real_photographs_drift_where_the_exposure_changes() -> None:
-    """The published method loses 11 to 55 degrees on this ring, at pairs that two cameras took; elsewhere under 2."""
-    truth = yaws(RING6_SNAPSHOTS)
-    made = ThesisReconstruction().reconstruct([read_image(RING6_SNAPSHOTS / name) for name in truth])
-    steps = wrap(np.diff(made.headings) - np.diff(np.deg2rad(list(truth.values()))))
-    errors = np.abs(np.rad2deg(steps))
-    assert (errors < 2.0).sum() >= 9
-    assert errors.max() > 11.0
-    assert 0.7 < made.filled < 1.0
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"hfov_deg": 0.0}, "hfov_deg is 0.0"),
+        ({"hfov_deg": 180.0}, "hfov_deg is 180.0"),
+        ({"hfov_deg": float("nan")}, "hfov_deg is nan"),
+        ({"start_deg": float("inf")}, "start_deg is inf"),
+        ({"clahe_tiles": 0}, "clahe_tiles"),
+    ],
+)
+def test_settings_that_mean_nothing(settings: dict[str, float], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        PanoramaConfig(**settings)  # type: ignore[arg-type]
