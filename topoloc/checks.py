@@ -38,8 +38,8 @@ class Report:
 
 
 def check_map(topo_map: TopoMap, folder: Path) -> Report:
-    """Look a map over: nodes on one spot, nodes cut off, missing, dark or empty panoramas."""
-    where = str(folder / "nodes.csv")
+    """Look a map over: nodes on one spot, nodes cut off, missing, dark or empty panoramas. ``folder``: or its file."""
+    where = str(folder / "nodes.csv" if folder.is_dir() else folder)
     with_panorama = sum(node.panorama is not None for node in topo_map.nodes)
     summary = (
         f"map {topo_map.name!r}: {len(topo_map.nodes)} nodes, {len(np.asarray(topo_map.edges))} edges, "

@@ -17,6 +17,9 @@ import numpy as np
 from topoloc.errors import InputError, OutputExists, UnreadableImage, UserError
 from topoloc.types import Depth, Image, Pixels
 
+PICTURE_ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm")
+"""Files that end so, in small letters or capitals, are taken for pictures where a folder is looked through."""
+
 
 @contextmanager
 def _plain_os_errors(path: Path) -> Iterator[None]:

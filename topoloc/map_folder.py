@@ -29,11 +29,13 @@ FARTHEST_M = 1e6
 
 
 def load_map(folder: Path) -> TopoMap:
-    """Read a map folder.
+    """Read a map folder, or the thesis's text map where the path is a file: see ``topoloc.thesis_map``.
 
     Raises:
         InputError: naming file, line and remedy for whatever cannot be used.
     """
+    if folder.is_file():
+        return _load_text_map(folder)
     if not folder.is_dir():
         raise InputError(folder, "no such folder", "name the folder that holds map.toml and nodes.csv")
     path = folder / MAP_FILE
@@ -51,6 +53,14 @@ def load_map(folder: Path) -> TopoMap:
         filtered=convert(table.get("panoramas_filtered", False), bool, f"{path}: panoramas_filtered"),
         baseline_m=optional_length(table, "baseline_m", path),
     )
+
+
+def _load_text_map(path: Path) -> TopoMap:
+    from topoloc.thesis_map import load_thesis_map  # here, because it builds on this module
+
+    if path.name in (MAP_FILE, NODES_FILE, EDGES_FILE, VIEWS_FILE):
+        raise InputError(path, "is a part of a map folder", f"name the folder itself, {path.parent}")
+    return load_thesis_map(path)
 
 
 def rows_of(path: Path, columns: Sequence[str], remedy: str) -> Iterator[tuple[int, dict[str, str]]]:
@@ -106,7 +116,7 @@ def _read_nodes(folder: Path, camera: Camera) -> tuple[Node, ...]:
             problem = f"id {identity!r} stands already on line {seen[identity]}"
             raise InputError(path, problem, "give each node an id of its own", line=line)
         seen[identity] = line
-        panorama = _picture(folder / row["panorama"], path, line) if row["panorama"] else None
+        panorama = read_picture(folder / row["panorama"], path, line) if row["panorama"] else None
         if panorama is not None:
             _check_panorama(panorama, camera, path, line)
         nodes.append(Node(identity, row["name"], x, y, float(wrap(np.deg2rad(heading))), panorama))
@@ -115,7 +125,7 @@ def _read_nodes(folder: Path, camera: Camera) -> tuple[Node, ...]:
     return tuple(nodes)
 
 
-def _picture(image_path: Path, path: Path, line: int) -> Image:
+def read_picture(image_path: Path, path: Path, line: int) -> Image:
     """The picture that a line names; the error names both the line and the picture."""
     try:
         return read_image(image_path)
@@ -180,7 +190,7 @@ def _read_views(folder: Path, camera: Camera) -> tuple[View, ...]:
 
 def _view_picture(image_path: Path, camera: Camera, path: Path, line: int) -> Image:
     """A picture of a view, which has the aspect ratio of the map's camera."""
-    image = _picture(image_path, path, line)
+    image = read_picture(image_path, path, line)
     if not camera.fits(image):
         rows, columns = image.shape[:2]
         problem = f"{image_path.name} is {columns}x{rows}, but map.toml says {camera.width}x{camera.height}"

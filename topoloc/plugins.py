@@ -13,7 +13,7 @@ from topoloc.settings import Setting, build, explained, refuse_unknown
 
 SENSORS, ESTIMATORS = "topoloc.sensors", "topoloc.estimators"
 WORLDS, PANORAMAS, COMMANDS = "topoloc.worlds", "topoloc.panoramas", "topoloc.commands"
-EXPERIMENTS = "topoloc.experiments"
+EXPERIMENTS, UNWRAPPERS = "topoloc.experiments", "topoloc.unwrappers"
 
 
 def names(group: str) -> list[str]:

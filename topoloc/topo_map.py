@@ -140,7 +140,7 @@ class TopoMap:
 
     @classmethod
     def load(cls, folder: Path | str) -> TopoMap:
-        """Read a map folder (DESIGN.md, "On disk"). Raises ``InputError`` naming file and line."""
+        """Read a map folder or a text map (DESIGN.md, "On disk"). Raises ``InputError`` naming file and line."""
         from topoloc.map_folder import load_map
 
         return load_map(Path(folder))

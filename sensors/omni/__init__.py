@@ -3,7 +3,7 @@
 from sensors.omni.conical_mirror import ConicalMirror, conical_mirror
 from sensors.omni.laws import Conical, Hyperbolic, Polynomial, RadialLaw, Spherical
 from sensors.omni.pictures import Equirectangular, OmniModel, RadialPicture, from_table
-from sensors.omni.unwrapper import Unwrapper
+from sensors.omni.unwrapper import Unwrapper, unwrapper_of
 
 __all__ = [
     "Conical",
@@ -18,4 +18,5 @@ __all__ = [
     "Unwrapper",
     "conical_mirror",
     "from_table",
+    "unwrapper_of",
 ]

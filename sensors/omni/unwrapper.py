@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.omni.pictures import OmniModel
+from sensors.omni.pictures import OmniModel, from_table
 from topoloc.geometry import Floats
 from topoloc.topo_map import Camera
 from topoloc.types import Image
@@ -93,3 +96,23 @@ def _samples_needed(x: Floats, y: Floats) -> int:
     known = [step[np.isfinite(step)] for step in steps]
     pixels = max((float(np.median(step)) for step in known if step.size), default=1.0)
     return int(np.clip(round(pixels), 1, MOST_SAMPLES))
+
+
+def unwrapper_of(
+    table: Mapping[str, Any], where: str, camera: Camera, width: int, height: int, heading: float = 0.0
+) -> Unwrapper:
+    """An unwrapper as ``camera.toml`` describes the camera.
+
+    Args:
+        table: ``[omni]``, see ``from_table``.
+        where: it stands, for errors.
+        camera: of the map.
+        width: columns of the camera's pictures.
+        height: their rows.
+        heading: of the panorama's left edge, in the camera's frame [rad, ccw].
+
+    Raises:
+        UserError: the table.
+        ValueError: see ``Unwrapper``.
+    """
+    return Unwrapper(from_table(table, where), camera, width, height, heading)

@@ -17,7 +17,7 @@ from topoloc.localizer import Localizer
 from topoloc.odometry import MotionGate, OdometryNoise
 from topoloc.recording import LazyImages
 from topoloc.topo_map import Camera, Node, TopoMap
-from topoloc.types import Evidence, Frame, Image, Motion, Status, WeightedPoses
+from topoloc.types import Estimate, Evidence, Frame, Image, Motion, Status, WeightedPoses
 
 THE_MAP = TopoMap("toy", Camera(), tuple(Node(str(i), "", float(i), 0.0) for i in range(3)))
 PICTURE: Image = np.full((4, 4), 7, dtype=np.uint8)
@@ -284,3 +284,35 @@ class TestLogEvidence:
 def test_the_status_is_read_off_the_estimate(calls: list[str]) -> None:
     localizer, _, _ = localizer_of(calls)
     assert localizer.step(frame(0.0)).status is Status.LOCALIZED
+
+
+class FakeUpkeep:
+    """Writes down what it is shown."""
+
+    topo_map = THE_MAP
+    before: Mapping[int, Image] = {}
+
+    def __init__(self) -> None:
+        self.shown: list[tuple[Frame, Estimate, Evidence]] = []
+
+    def after(self, frame: Frame, estimate: Estimate, evidence: Evidence) -> None:
+        self.shown.append((frame, estimate, evidence))
+
+
+def test_the_upkeep_is_shown_each_update_and_nothing_else(calls: list[str]) -> None:
+    upkeep = FakeUpkeep()
+    localizer, _, _ = localizer_of(calls, upkeep=upkeep)
+    frames = {
+        "update": frame(0.0),
+        "gated": frame(1.0, (0.1, 0.0, 0.0)),
+        "blind": frame(2.0, (0.5, 0.0, 0.0), {"rgb": np.zeros((4, 4), np.uint8)}),
+        "unreadable": frame(3.0, (1.0, 0.0, 0.0), {"omni": PICTURE}),
+    }
+    for kind, one in frames.items():
+        estimate = localizer.step(one)
+        assert localizer.last is not None and localizer.last.kind == kind
+        if kind == "update":
+            first = (estimate, localizer.last.evidence)
+    ((seen, *told),) = upkeep.shown
+    assert seen is frames["update"] and seen.images["rgb"] is PICTURE
+    assert told[0] is first[0] and told[1] is first[1]

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 
-def check(path: Annotated[Path, Parameter(help="Map folder or recording folder.")]) -> int:
+def check(path: Annotated[Path, Parameter(help="Map folder, text map or recording folder.")]) -> int:
     """Look a map or a recording over: what is in it, what would go wrong, and what to do.
 
     Exit code 0: nothing found; 1: findings; 2: it cannot be read at all.
@@ -20,7 +20,8 @@ def check(path: Annotated[Path, Parameter(help="Map folder or recording folder."
     from topoloc.recording import Recording
     from topoloc.topo_map import TopoMap
 
-    if (path / "map.toml").exists() or (path / "nodes.csv").exists():
+    text_map = path.is_file() and path.suffix == ".txt"
+    if text_map or (path / "map.toml").exists() or (path / "nodes.csv").exists():
         report = check_map(TopoMap.load(path), path)
     elif path.is_dir() and any((path / f"{kind}.txt").exists() for kind in ("rgb", "omni")):
         report = check_recording(Recording.load(path))

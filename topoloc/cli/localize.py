@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
 if TYPE_CHECKING:
-    from topoloc.interfaces import Sensor
+    from topoloc.interfaces import Sensor, Upkeep
     from topoloc.localizer import Step
     from topoloc.metrics import Run
     from topoloc.recording import Recording
     from topoloc.topo_map import TopoMap
 
 OUTPUTS = ("trajectory.txt", "steps.csv", "plan.png", "metrics.json")
+BEFORE = "before"
+"""Folder of a refreshed map that holds the panoramas as they were."""
 STEP_COLUMNS = ("timestamp", "x", "y", "heading_deg", "node", "probability", "status", "match", "kind")
 
 
 def localize(
-    topo_map: Annotated[Path, Parameter(name="map", help="Map folder.")],
+    topo_map: Annotated[Path, Parameter(name="map", help="Map folder, or a text map.")],
     recording: Annotated[Path, Parameter(help="Recording folder, TUM RGB-D layout.")],
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder to make.")],
@@ -32,15 +34,22 @@ def localize(
         tuple[str, ...],
         Parameter(name="--set", help="sensor.KEY=VALUE or estimator.KEY=VALUE, as 'topoloc list' names them."),
     ] = (),
+    upkeep: Annotated[
+        Path | None,
+        Parameter(help="Refresh panoramas on the way; map folder to make. Its settings: --set upkeep.KEY=VALUE."),
+    ] = None,
     overwrite: Annotated[bool, Parameter(help="Replace the files of an earlier run.", negative="")] = False,
 ) -> None:
     """Localize a recorded drive on a map.
 
     Writes ``trajectory.txt`` (TUM), ``steps.csv`` (a row per frame), ``plan.png`` and, where the recording has ground
-    truth, ``metrics.json``.
+    truth, ``metrics.json``. With ``--upkeep`` the panoramas are refreshed from frames taken where the localizer is
+    sure; the map so refreshed is written, too, with the panoramas as they were in its folder ``before``.
 
     Example: ``topoloc localize lab/map lab/recording -o run --estimator particle --set estimator.particles=5000``
     """
+    from contextlib import nullcontext
+
     from topoloc import plugins
     from topoloc.cli.progress import track
     from topoloc.files import new_folder, refuse_to_overwrite
@@ -53,13 +62,17 @@ def localize(
     the_map = TopoMap.load(topo_map)
     drive = Recording.load(recording).on(the_map.camera)
     tables = parse_words(settings)
-    refuse_unknown(tables, {"sensor", "estimator"}, "--set")
+    refuse_unknown(tables, {"sensor", "estimator"} | ({"upkeep"} if upkeep else set()), "--set")
     eye = plugins.make_sensor(sensor, tables.get("sensor"))
     mind = plugins.make_estimator(estimator, tables.get("estimator"))
     _refuse_blindness(drive, sensor, eye)
+    keeper = None if upkeep is None else _keeper(the_map, eye, tables.get("upkeep"), (upkeep, output))
     # The folder comes before the work: a place that cannot be written shows at once.
-    with new_folder(output, overwrite, owned=OUTPUTS) as folder:
-        localizer = Localizer(the_map, eye, mind, rng=seed)
+    with (
+        new_folder(output, overwrite, owned=OUTPUTS) as folder,
+        nullcontext() if upkeep is None else new_folder(upkeep) as map_folder,
+    ):
+        localizer = Localizer(the_map, eye, mind, rng=seed, upkeep=keeper)
         steps = []
         for picture in track(drive.pictures[drive.kind], "localizing"):
             localizer.step(drive.frame(picture))
@@ -67,7 +80,39 @@ def localize(
             steps.append(localizer.last)
         _refuse_darkness(drive, steps)
         run = _write(folder, the_map, drive, steps, f"{sensor} with {estimator}")
+        if keeper is not None and map_folder is not None:
+            _write_map(map_folder, keeper)
     _report(output, steps, run)
+    if keeper is not None:
+        names = ", ".join(the_map.nodes[node].id for node in sorted(keeper.before)) or "none"
+        print(f"{upkeep}: the map; panoramas refreshed: {names}")
+
+
+def _keeper(the_map: TopoMap, eye: Sensor, settings: Mapping[str, Any] | None, folders: tuple[Path, Path]) -> Upkeep:
+    """What refreshes the panoramas that the sensor has; the folders are the new map's and the run's."""
+    from topoloc import plugins
+    from topoloc.errors import UserError
+    from topoloc.files import refuse_to_overwrite
+    from topoloc.settings import build
+
+    refuse_to_overwrite(folders[0])
+    if folders[0].resolve() == folders[1].resolve():
+        raise UserError(f"{folders[0]}: is named by both --upkeep and --output; name two folders")
+    kind = plugins.load("topoloc.upkeeps", "panoramas")
+    keeper: Upkeep = kind(the_map, eye, build(kind.Config, settings or {}, "settings of upkeep"))
+    return keeper
+
+
+def _write_map(folder: Path, keeper: Upkeep) -> None:
+    """The refreshed map, and beside it the panoramas before, under their names in ``nodes.csv``."""
+    from topoloc.files import write_image
+    from topoloc.map_folder import NODE_COLUMNS, NODES_FILE, rows_of
+
+    keeper.topo_map.save(folder)
+    written = rows_of(folder / NODES_FILE, NODE_COLUMNS, "it was just written")
+    names = [Path(row["panorama"]).name for _, row in written]
+    for node, panorama in keeper.before.items():
+        write_image(folder / BEFORE / names[node], panorama)
 
 
 def _refuse_blindness(drive: Recording, name: str, eye: Sensor) -> None:

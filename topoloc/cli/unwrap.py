@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from topoloc import plugins
+
 if TYPE_CHECKING:
-    from sensors.omni.unwrapper import Unwrapper
+    from topoloc.interfaces import Unwrapper
     from topoloc.types import Image
 
 
@@ -54,8 +56,6 @@ def _unwrapper(path: Path, picture: Image, heading_deg: float) -> Unwrapper:
     """For pictures of the size of one; all that is told about them stands in one file."""
     import numpy as np
 
-    from sensors.omni.pictures import from_table
-    from sensors.omni.unwrapper import Unwrapper
     from topoloc.errors import InputError
     from topoloc.recording import read_rig
 
@@ -66,10 +66,11 @@ def _unwrapper(path: Path, picture: Image, heading_deg: float) -> Unwrapper:
         raise InputError(path, "has no table [omni]", "write below it what docs/omni.md says of your camera")
     if rig.camera is None:
         raise InputError(path, "tells no field of view", "add hfov_deg, width and height of the map's camera")
-    model = from_table(rig.omni, f"{path} [omni]")
     height, width = picture.shape[:2]
+    make = plugins.load(plugins.UNWRAPPERS, "omni")
     try:
-        return Unwrapper(model, rig.camera, width, height, float(np.deg2rad(heading_deg)))
+        made: Unwrapper = make(rig.omni, f"{path} [omni]", rig.camera, width, height, float(np.deg2rad(heading_deg)))
+        return made
     except ValueError as error:
         problem, _, remedy = str(error).partition("; ")
         raise InputError(path, problem, remedy) from None
