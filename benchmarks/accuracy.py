@@ -19,6 +19,8 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from benchmarks.calibration import Drive, Recalled, watched
+from benchmarks.experiments.conditions import CONDITIONS
+from benchmarks.experiments.kidnappings import KIDNAPPINGS, LOOKS, kidnapped, looks_until_right
 from benchmarks.runner import ESTIMATOR_STREAM
 from benchmarks.worlds.settings import WorldSettings
 from topoloc import plugins
@@ -34,14 +36,7 @@ BEGIN, END = "<!-- written by make accuracy -->\n", "<!-- end -->\n"
 """What the tables stand between."""
 SEEDS = tuple(range(10, 20))
 """Nothing was fitted to them; the table of the README has 0 to 9."""
-LAPS, KIDNAPPED_LAPS, UPDATES = 10.0, 2.0, 60
-CONDITIONS: Mapping[str, WorldSettings] = {
-    "fresh": WorldSettings(),
-    "old": WorldSettings(age=1.0),
-    "people": WorldSettings(people=0.35),
-}
-KIDNAPPINGS = ((16, 0.5), (20, 0.3), (24, 0.7), (28, 0.4))
-"""At which frame, and how many laps further."""
+LAPS, UPDATES = 10.0, 60
 SCENARIOS: tuple[WorldSettings, ...] = (
     WorldSettings(updates=UPDATES),
     WorldSettings(updates=UPDATES, people=0.35),
@@ -49,8 +44,6 @@ SCENARIOS: tuple[WorldSettings, ...] = (
     WorldSettings(updates=UPDATES, kidnap_at=UPDATES // 2),
 )
 """Over which the probabilities of all sensors are compared with what is so."""
-LOOKS = 3
-"""Updates with a match within which a kidnapped robot should be found (thesis 5.2.2)."""
 BINS = 10
 
 
@@ -75,15 +68,11 @@ def answers(seed: int, estimators: Sequence[str], laps: float = LAPS) -> dict[st
     with threadpool_limits(1):
         long = {name: watched("ima", replace(world, laps=laps), seed) for name, world in CONDITIONS.items()}
         carried = {
-            name: [watched("ima", _kidnapped(CONDITIONS[name], *event), seed) for event in KIDNAPPINGS]
+            name: [watched("ima", kidnapped(CONDITIONS[name], *event), seed) for event in KIDNAPPINGS]
             for name in ("fresh", "old")
         }
         told = [watched(sensor, world, seed) for sensor in plugins.names(plugins.SENSORS) for world in SCENARIOS]
         return {name: _answers_of(name, seed, long, carried, told) for name in estimators}
-
-
-def _kidnapped(world: WorldSettings, at: int, laps: float) -> WorldSettings:
-    return replace(world, laps=KIDNAPPED_LAPS, kidnap_at=at, kidnap_laps=laps)
 
 
 def _answers_of(
@@ -127,9 +116,8 @@ def _is_found(drive: Drive, run: Run) -> bool:
     frames = drive.simulation.frames
     after = run.updates >= drive.world.kidnap_at
     looks = [drive.evidence[frames[index].timestamp] for index in run.updates[after]]
-    matches = np.array([len(look.match) > 0 and look.match.max() > THESIS.match_threshold for look in looks], dtype=int)
-    in_time = np.cumsum(matches) - matches < LOOKS  # the update of the third match still counts
-    return bool(run.right[after][in_time].any())
+    matched = np.array([len(look.match) > 0 and look.match.max() > THESIS.match_threshold for look in looks])
+    return looks_until_right(matched, run.right[after]) <= LOOKS
 
 
 def measure_all(

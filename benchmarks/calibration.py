@@ -29,6 +29,8 @@ SEEDS = (1000, 1001, 1002, 1003)
 """Far from the benchmark's, which count from 0."""
 NEAR_M, NEAR_DEG = 0.5, 25.0
 """A hypothesis is right within this distance of the truth [m]; its heading is, within this turn [degrees]."""
+NEAR_ZOOMED_M = 0.8
+"""The same for the node of a hypothesis that zoom may place off it [m]."""
 WORLDS = (
     WorldSettings(laps=2.0),
     WorldSettings(laps=2.0, people=0.35),
@@ -110,6 +112,44 @@ def fit_heading(seen: Sequence[Drive], most: float) -> tuple[float, float]:
     return float(fall), float(margin)
 
 
+@dataclass(frozen=True)
+class PlaceScale:
+    """How well the zoom that matches best tells the place: of hypotheses whose node and heading are right.
+
+    Attributes:
+        scene_factor: what ``scene_m`` is to be multiplied by, so that the places are right in the mean.
+        along_sd_m, across_sd_m: of the places along and across the heading, about the truth, with that factor.
+        parallax_deg_per_m: what a metre to the left of the node turns the matched heading, counter-clockwise.
+    """
+
+    scene_factor: float
+    along_sd_m: float
+    across_sd_m: float
+    parallax_deg_per_m: float
+
+
+def fit_place(seen: Sequence[Drive]) -> PlaceScale:
+    """Least squares of the true displacement from the node along the heading on the one that the sensor tells."""
+    told, along, across, turned = [], [], [], []
+    for drive in seen:
+        nodes = drive.simulation.topo_map.positions
+        for frame, pose in zip(drive.simulation.frames, drive.simulation.truth, strict=True):
+            evidence = drive.evidence[frame.timestamp].of_robot(frame.camera)
+            off = pose[:2] - nodes[evidence.nodes]
+            turn = np.rad2deg(wrap(evidence.poses[:, 2] - pose[2]))
+            near = (np.linalg.norm(off, axis=1) <= NEAR_ZOOMED_M) & (np.abs(turn) <= NEAR_DEG)
+            ahead, left = np.array([np.cos(pose[2]), np.sin(pose[2])]), np.array([-np.sin(pose[2]), np.cos(pose[2])])
+            told.append((evidence.poses[near, :2] - nodes[evidence.nodes[near]]) @ ahead)
+            along.append(off[near] @ ahead)
+            across.append(off[near] @ left)
+            turned.append(turn[near])
+    said, is_along, is_across, turn = (np.concatenate(parts) for parts in (told, along, across, turned))
+    factor = float(said @ is_along / max(float(said @ said), 1e-9))
+    rest = is_along - factor * said
+    parallax = float(is_across @ turn / (is_across @ is_across))
+    return PlaceScale(factor, float(rest.std()), float(np.sqrt(np.mean(is_across**2))), parallax)
+
+
 class Recalled:
     """A sensor that says again what was seen."""
 
@@ -163,7 +203,7 @@ def logistic(features: Floats, right: np.ndarray, ridge: float = 0.0) -> Floats:
 def main() -> None:
     """Print the scale of each sensor, and the rule of each estimator."""
     drives = []
-    for name in ("ima", "histogram"):
+    for name in ("ima", "ima-robust", "histogram"):
         seen = [watched(name, world, seed) for world in WORLDS for seed in SEEDS]
         drives += seen
         scale = fit_scale(seen)
@@ -171,9 +211,9 @@ def main() -> None:
             f"{name}: slope {scale.slope:.1f}, margin {scale.margin:.3f} "
             f"({scale.right_share:.1%} of the hypotheses right, heading sd {scale.heading_sd_deg:.1f} degrees)"
         )
-        if name == "ima":  # a view's heading is its own, whatever the match
+        if name.startswith("ima"):  # a view's heading and place are its own, whatever the match
             fall, margin = fit_heading(seen, IMAConfig().kappa)
-            print(f"{name}: kappa_fall {fall:.1f}, sure_margin {margin:.3f}")
+            print(f"{name}: kappa_fall {fall:.1f}, sure_margin {margin:.3f}; {fit_place(seen)}")
     for name in plugins.names(plugins.ESTIMATORS):
         print(f"{name}: {fit_rule(name, drives)}")
 

@@ -13,29 +13,23 @@ from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from benchmarks.experiments.conditions import CONDITIONS
+from benchmarks.experiments.odometer_path import astray
+from benchmarks.experiments.photograph import node_matches, photograph
+from benchmarks.experiments.tracking import tracked
 from benchmarks.worlds.chance import Stream, generator
-from benchmarks.worlds.effects import sense
 from benchmarks.worlds.lab import DOOR_Y, LAB_PLACES, LEFT, LabWorld, lab_scene
 from benchmarks.worlds.lab_corridor import LabCorridorWorld
 from benchmarks.worlds.moment import Moment
 from benchmarks.worlds.odometer import Drift, odometer
 from benchmarks.worlds.people import person
-from benchmarks.worlds.renderer import EYE_M, Scene, Shake, render_frame
 from benchmarks.worlds.settings import WorldSettings
-from benchmarks.worlds.world import Simulation
-from estimators.activity import ActivityTracker
 from sensors.ima import IMA
 from topoloc.cli.progress import bar
 from topoloc.files import write_text
-from topoloc.geometry import Floats, between, compose, wrap
-from topoloc.localizer import Localizer
-from topoloc.metrics import RIGHT_WITHIN_M
-from topoloc.recording import LazyImages
-from topoloc.topo_map import Camera
-from topoloc.types import Frame, Image, Ints
+from topoloc.geometry import Floats, compose, wrap
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "worlds.md"
 BEGIN, END = "<!-- written by make realism -->\n", "<!-- end -->\n"
@@ -47,79 +41,29 @@ TURN_FRAMES = 36
 PERSON_M = (1.8, 2.0, 2.2)
 DOOR_FROM_M = 3.0
 """From the camera to the opening door: it fills about half of the view, half of which the leaf uncovers."""
-CONDITIONS: Mapping[str, WorldSettings] = {
-    "fresh": WorldSettings(),
-    "old": WorldSettings(age=1.0),
-    "people": WorldSettings(people=0.35),
-}
 Measured = dict[str, float]
 
 
 def driven(seed: int, condition: str, laps: float = LAPS) -> Measured:
     """Ten laps with IMA and the thesis's tracker: what 5.2.3 and 5.2.4 report, under one condition."""
     seen = tracked(LabWorld(replace(CONDITIONS[condition], laps=laps)).simulate(seed))
-    destinations = np.isin(seen.kind, ("normal", "virtual"))
+    virtual, wrong = seen.kind == "virtual", ~seen.right
     lags = seen.said == (seen.nearest - 1) % len(LAB_PLACES)
     return {
         f"match {condition}": float(seen.match[seen.kind == "normal"].mean()),
-        f"none {condition}": float(1.0 - destinations.mean()),
-        f"virtual {condition}": float((seen.kind == "virtual").sum() / destinations.sum()),
+        f"none {condition}": float(1.0 - seen.destinations.mean()),
+        f"virtual {condition}": float(virtual.sum() / seen.destinations.sum()),
         f"alone {condition}": float((seen.best != seen.nearest).mean()),
-        f"mean activity of destinations, {condition}": float(seen.activity[destinations].mean()),
-        f"updates with a wrong node, {condition}": float(seen.wrong.mean()),
-        f"of these, lagging by one node, {condition}": float(lags[seen.wrong].mean()) if seen.wrong.any() else 0.0,
+        f"mean activity of destinations, {condition}": float(seen.activity[seen.destinations].mean()),
+        f"updates with a wrong node, {condition}": float(wrong.mean()),
+        f"of these, lagging by one node, {condition}": float(lags[wrong].mean()) if wrong.any() else 0.0,
     }
 
 
 def corridor(seed: int) -> Measured:
     """One trip to the end of the corridor and back (5.2.8, Table 5.9)."""
     seen = tracked(LabCorridorWorld().simulate(seed))
-    return {"updates with a wrong node, corridor trip": float(seen.wrong.mean())}
-
-
-@dataclass(frozen=True)
-class Tracked:
-    """What the thesis's tracker made of a drive, an entry an update (N,).
-
-    Attributes:
-        kind: of the step, see ``TrackerStep``.
-        said: node that it named, -1 for none.
-        nearest: node that is nearest to the truth.
-        best: node that the image alone says, -1 for none.
-        wrong: the node named is more than ``RIGHT_WITHIN_M`` farther than the nearest.
-        match, activity: of the winner; NaN where there is none.
-    """
-
-    kind: NDArray[np.str_]
-    said: Ints
-    nearest: Ints
-    best: Ints
-    wrong: NDArray[np.bool_]
-    match: Floats
-    activity: Floats
-
-
-def tracked(drive: Simulation) -> Tracked:
-    """Run IMA and the tracker over a drive."""
-    tracker, positions = ActivityTracker(), drive.topo_map.positions
-    localizer = Localizer(drive.topo_map, IMA(), tracker)
-    rows = []
-    for frame, pose in zip(drive.frames, drive.truth, strict=True):
-        localizer.step(frame)
-        step, looked = tracker.last, localizer.last
-        assert step is not None
-        assert looked is not None
-        assert looked.evidence is not None
-        distance = np.linalg.norm(positions - pose[:2], axis=1)
-        said = -1 if step.node is None else step.node
-        seen = looked.evidence
-        best = int(seen.nodes[seen.match.argmax()]) if len(seen.match) else -1
-        wrong = said < 0 or distance[said] > distance.min() + RIGHT_WITHIN_M
-        won = (np.nan, np.nan)
-        if step.winner is not None:
-            won = (float(step.destinations.match[step.winner]), float(step.destinations.activity[step.winner]))
-        rows.append((step.kind, said, int(distance.argmin()), best, wrong, *won))
-    return Tracked(*(np.array(column) for column in zip(*rows, strict=True)))
+    return {"updates with a wrong node, corridor trip": float((~seen.right).mean())}
 
 
 def turning(seed: int) -> Measured:
@@ -147,27 +91,12 @@ def _turned(seed: int, age: float) -> tuple[Floats, Floats, Floats]:
         near = np.abs(np.linalg.norm(topo_map.positions - place, axis=1) - 1.0) < 0.1
         for heading in np.linspace(-np.pi, np.pi, TURN_FRAMES, endpoint=False):
             pose = compose(np.array([*place, heading]), world.mount)
-            image = _photograph(scene, pose, config, rng, config.turning_shake_px)
-            match, headings = _matches(sensor, image, world)
+            image = photograph(scene, pose, config.effects, rng, config.turning_shake_px)
+            match, headings = node_matches(sensor, image, world.mount)
             off = abs(float(np.rad2deg(wrap(headings[number] - heading))))
             rows.append((match[number], match[near][int(rng.integers(near.sum()))], off))
     own, other, off_deg = np.array(rows).T
     return own, other, off_deg
-
-
-def _matches(sensor: IMA, image: Image, world: LabWorld) -> tuple[Floats, Floats]:
-    """Match and heading (K,) of every node."""
-    evidence = sensor.observe(Frame(0.0, None, world.mount, LazyImages({"rgb": lambda: image})))
-    order = np.argsort(evidence.nodes)
-    return evidence.match[order], evidence.poses[order, 2]
-
-
-def _photograph(
-    scene: Scene, pose: Floats, config: WorldSettings, rng: np.random.Generator, shake_px: float, still: bool = False
-) -> Image:
-    down, aside, roll = rng.normal(0.0, shake_px, 3) * (1.0, 0.7, 0.7)
-    frame = render_frame(scene, pose, Camera(), EYE_M, Shake(down, aside, roll))
-    return sense(frame, config.effects, rng, still=still)
 
 
 def occluded(seed: int) -> Measured:
@@ -177,12 +106,12 @@ def occluded(seed: int) -> Measured:
     drops = []
     for heading in np.linspace(-np.pi, np.pi, 12, endpoint=False):
         pose = np.array([0.0, 1.0, heading])
-        reference, again = (_photograph(scene, pose, config, rng, 0.0, still=True) for _ in range(2))
+        reference, again = (photograph(scene, pose, config.effects, rng, still=True) for _ in range(2))
         free, _ = sensor.compare(again, reference)
         for distance in PERSON_M:
             at = compose(pose, (distance, 0.0, 0.0))[:2]
             crowded = scene.with_faces(person(seed, at, float(rng.uniform(-np.pi, np.pi)), int(rng.integers(8))))
-            match, _ = sensor.compare(_photograph(crowded, pose, config, rng, 0.0, still=True), reference)
+            match, _ = sensor.compare(photograph(crowded, pose, config.effects, rng, still=True), reference)
             drops.append((free - match) / free)
     return {"drop person": float(np.mean(drops))}
 
@@ -193,9 +122,9 @@ def door_opened(seed: int) -> Measured:
     drops = []
     for aside in (-0.4, 0.0, 0.4):
         pose = np.array([LEFT + DOOR_FROM_M, DOOR_Y + aside, np.pi])
-        closed, again = (_photograph(lab_scene(seed, Moment()), pose, config, rng, 0.0, still=True) for _ in range(2))
+        closed, again = (photograph(lab_scene(seed, Moment()), pose, config.effects, rng, still=True) for _ in range(2))
         free, _ = sensor.compare(again, closed)
-        opened = _photograph(lab_scene(seed, Moment(doors=1.0)), pose, config, rng, 0.0, still=True)
+        opened = photograph(lab_scene(seed, Moment(doors=1.0)), pose, config.effects, rng, still=True)
         drops.append((free - sensor.compare(opened, closed)[0]) / free)
     return {"drop door": float(np.mean(drops))}
 
@@ -206,21 +135,14 @@ def drifted(seed: int) -> Measured:
     turn = np.zeros((7 * TURN_FRAMES, 3))
     turn[:, 2] = 2.0 * np.pi / TURN_FRAMES
     spun = odometer(turn, np.zeros(3), Drift(), generator(seed, Stream.MEASUREMENT, 3))
-    three, _ = _astray(lab, seed)
-    trip, heading = _astray(corridor, seed)
+    three, _ = astray(*lab.drive(seed))
+    trip, heading = astray(*corridor.drive(seed))
     return {
         "drift three laps": three,
         "drift seven turns": float(np.rad2deg(abs(spun[-1, 2]))),
         "drift corridor": trip,
         "drift corridor heading": heading,
     }
-
-
-def _astray(world: LabWorld, seed: int) -> tuple[float, float]:
-    """Distance [m] and turn [degrees] between the end of a drive and what the odometer says of it."""
-    odometry, truth = world.drive(seed)
-    said, true = between(odometry[0], odometry[-1]), between(truth[0], truth[-1])
-    return float(np.hypot(*(said - true)[:2])), float(np.rad2deg(abs(wrap(said[2] - true[2]))))
 
 
 @dataclass(frozen=True)

@@ -40,10 +40,15 @@ class RobustIMAConfig(IMAConfig):
 
     zoom: float = 1.3
     zoom_steps: int = 3
-    scene_m: float = 2.7
+    scene_m: float = 2.9
     contrast_columns: float = 6.0
     contrast_grey: float = 3.0
     slack_columns: int = 1
+    slope: float = 15.5
+    margin: float = 0.087
+    sigma_m: float = 0.25
+    kappa_fall: float = 21.5
+    sure_margin: float = 0.097
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from topoloc.metrics import METRICS
 from topoloc.recording import Recording
 from topoloc.recording_folder import RecordingWriter
 from topoloc.settings import Setting, parse_words
+from topoloc.thesis_map import ThesisMapSettings, load_thesis_map, save_thesis_map
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Frame, Image, Status
 
@@ -272,7 +274,7 @@ class TestPanorama:
         folder = snapshots_of(tmp_path / "snapshots")
         for i in range(6, 12):
             (folder / f"{i:02d}.png").unlink()
-        assert run(["panorama", str(folder), "-o", str(tmp_path / "p.png")]) == 0
+        assert run(["panorama", str(folder), "-o", str(tmp_path / "p.png"), "--method", "thesis"]) == 0
         gap = re.search(r"warning: (\d+) degrees", capfd.readouterr().err)
         assert gap is not None and abs(int(gap.group(1)) - 170) <= 3
 
@@ -406,7 +408,7 @@ def test_check_refuses_a_recording_that_cannot_be_read(
 
 
 LOCALIZE = ["localize", "{0}/map", "{0}/recording"]
-PANORAMA = ["panorama", "{0}/recording/rgb"]
+PANORAMA = ["panorama", "{0}/recording/rgb", "--method", "thesis"]
 
 BAD_COMMANDS: dict[str, tuple[list[str], str]] = {
     "unknown command": (["locate"], r"locate.*localize"),
@@ -443,7 +445,7 @@ BAD_COMMANDS: dict[str, tuple[list[str], str]] = {
     "snapshots missing": (["panorama", "{0}/nowhere", "-o", "{0}/p.png"], r"nowhere: no such folder"),
     "snapshots a file": (["panorama", "{0}/map/map.toml", "-o", "{0}/p.png"], r"map\.toml: "),
     "no snapshots": (["panorama", "{0}/recording", "-o", "{0}/p.png"], r"recording: holds 0 pictures"),
-    "unknown method": ([*PANORAMA, "-o", "{0}/p.png", "--method", "magic"], r"'magic'.*thesis"),
+    "unknown method": (["panorama", "{0}/recording/rgb", "-o", "{0}/p.png", "--method", "magic"], r"'magic'.*thesis"),
     "no field of view": ([*PANORAMA, "-o", "{0}/p.png", "--hfov-deg", "0"], r"hfov_deg"),
     "field of view in letters": ([*PANORAMA, "-o", "{0}/p.png", "--hfov-deg", "wide"], r"(?i)hfov.deg"),
     "field of view NaN": ([*PANORAMA, "-o", "{0}/p.png", "--hfov-deg", "nan"], r"hfov_deg"),
@@ -692,3 +694,208 @@ def test_a_world_that_cannot_be_is_one_line(
     err = capsys.readouterr().err
     assert err.count("\n") == 1 and re.search(named, err)
     assert not (tmp_path / "out").exists()
+
+
+OMNI = """hfov_deg = 40
+width = 96
+height = 72
+[omni]
+model = "equirectangular"
+left_deg = 0
+upper_deg = 15
+lower_deg = -15
+"""
+
+
+def omni_pictures(folder: Path) -> list[Path]:
+    """Two equirectangular pictures, all noise, about as high and wide as ``CAMERA``'s panoramas."""
+    (folder / "camera.toml").write_text(OMNI)
+    paths = [folder / "a.jpg.png", folder / "b.png"]
+    for seed, path in enumerate(paths):
+        write_image(path, noise_circle(seed))
+    return paths
+
+
+class TestUnwrap:
+    def test_a_folder_of_panoramas(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        """Turned by the ten degrees that are asked for: 24 columns, three blocks of the noise."""
+        paths, out = omni_pictures(tmp_path), tmp_path / "deep" / "panoramas"
+        options = ["--camera", str(tmp_path / "camera.toml"), "-o", str(out), "--heading-deg", "10"]
+        assert run(["unwrap", *map(str, paths), *options]) == 0
+        assert capsys.readouterr().out == (
+            f"{out}: 2 x 864x72, left edge 10 degrees from the camera's heading\n"
+            "2.8% of a panorama are black: the picture does not show them\n"
+        )
+        assert sorted(path.name for path in out.iterdir()) == ["a.jpg.png", "b.png"]
+        for seed, path in enumerate(paths):
+            circle = read_image(out / path.name)
+            there = np.roll(noise_circle(seed), 24, axis=1)
+            assert circle.shape == (72, 864, 3) and np.abs(circle[36] - there[36].astype(float)).mean() < 5.0
+
+    def test_one_picture_to_a_file(self, tmp_path: Path) -> None:
+        first, _ = omni_pictures(tmp_path)
+        command = ["unwrap", str(first), "--camera", str(tmp_path / "camera.toml"), "-o", str(tmp_path / "p.png")]
+        assert run(command) == 0
+        made = read_image(tmp_path / "p.png")
+        assert made.shape == (72, 864, 3)
+        assert run(command) == 2 and run([*command, "--overwrite"]) == 0
+
+    @pytest.mark.parametrize(
+        ("spoil", "says"),
+        [
+            (remove("camera.toml"), r"camera\.toml: no such file; .*formats\.md"),
+            (write("camera.toml", "hfov_deg = 40\n"), r"camera\.toml: has no table \[omni\]; "),
+            (write("camera.toml", "[omni]\nmodel = 'equirectangular'\n"), r"camera\.toml: tells no field of view; "),
+            (rewrite("camera.toml", "left_deg", "left"), r"camera\.toml \[omni\]: nothing is called 'left' here; "),
+            (rewrite("camera.toml", "equirectangular", "flat"), r"camera\.toml \[omni\]: model is 'flat'; choose"),
+            (rewrite("camera.toml", "upper_deg = 15", "upper_deg = -14.99"), r"camera\.toml: .* shows no part.*; look"),
+            (write("b.png", "hello"), r"b\.png: does not decode"),
+            (lambda folder: write_image(folder / "b.png", noise_circle(0)[:50]), r"b\.png: .*864x50, not 864x72; "),
+        ],
+        ids=["no file", "no table", "no lens", "unknown key", "unknown model", "nothing seen", "text", "size"],
+    )  # fmt: skip
+    def test_mistakes(self, spoil: Spoil, says: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+        paths = omni_pictures(tmp_path)
+        spoil(tmp_path)
+        options = ["--camera", str(tmp_path / "camera.toml"), "-o", str(tmp_path / "out")]
+        refused(["unwrap", *map(str, paths), *options], tmp_path, capfd, says)
+
+    def test_pictures_that_share_a_name_or_none(self, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+        first, _ = omni_pictures(tmp_path)
+        options = ["--camera", str(tmp_path / "camera.toml"), "-o", str(tmp_path / "out")]
+        refused(["unwrap", str(first), str(first), *options], tmp_path, capfd, "two pictures have the same name; ")
+        refused(["unwrap", *options], tmp_path, capfd, r"(?i)pictures")
+
+
+def text_map(place: Path, reference_deg: float = 0.0) -> tuple[Path, ThesisMapSettings]:
+    """The tiny map as a text map, its panoramas rolled so that their first snapshot looks there."""
+    the_map = TopoMap.load(place / "map")
+    columns, turn = 864, the_map.nodes[0].heading - np.deg2rad(reference_deg + 20.0)
+    roll = -round(turn / (2.0 * np.pi) * columns)
+    nodes = tuple(
+        replace(node, name=node.id, heading=node.heading + roll * 2.0 * np.pi / columns, panorama=rolled(node, roll))
+        for node in the_map.nodes
+    )
+    return place / "tiny.txt", save_thesis_map(replace(the_map, nodes=nodes), place / "tiny.txt")
+
+
+def rolled(node: Node, columns: int) -> Image:
+    assert node.panorama is not None
+    return np.roll(node.panorama, columns, axis=1)
+
+
+class TestImportMap:
+    def test_a_text_map_becomes_a_folder(self, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        file, known = text_map(place, 90.0)
+        options = ["--reference-deg", str(known.reference_deg), "--hfov-deg", "40"]
+        assert run(["import", "map", str(file), "-o", str(place / "folder"), *options]) == 0
+        out = capsys.readouterr().out
+        assert f"{place / 'folder'}: 3 nodes with panoramas, 2 edges" in out and "camera 96x72, 40 degrees" in out
+        made, expected = TopoMap.load(place / "folder"), load_thesis_map(file, known)
+        assert [node.heading for node in made.nodes] == pytest.approx([known.first_column] * 3)
+        for node, one in zip(expected.nodes, made.nodes, strict=True):
+            assert node == replace(one, heading=node.heading)
+        assert run(["check", str(place / "folder")]) == 0
+
+    def test_localize_takes_either(self, place: Path) -> None:
+        """The text map read as it is, and the folder made of it: the same steps, at the nodes of the drive."""
+        file, _ = text_map(place)
+        assert run(["import", "map", str(file), "-o", str(place / "folder")]) == 0
+        for number, topo_map in enumerate((file, place / "folder")):
+            assert run(["localize", str(topo_map), str(place / "recording"), "-o", str(place / f"run{number}")]) == 0
+        first, second = (rows_of(place / f"run{number}" / "steps.csv") for number in (0, 1))
+        assert first == second and [row["node"] for row in first] == [f"N{node}" for node, _, _ in DRIVE]
+
+    def test_filtered_panoramas_say_so(self, place: Path) -> None:
+        file, _ = text_map(place)
+        assert run(["import", "map", str(file), "-o", str(place / "folder"), "--filtered"]) == 0
+        assert TopoMap.load(place / "folder").filtered
+
+    @pytest.mark.parametrize(
+        ("arguments", "says"),
+        [
+            (["{0}/nowhere.txt", "-o", "{0}/new"], r"nowhere\.txt: no such file; "),
+            (["{0}/tiny.txt", "-o", "{0}/map"], r"map: already exists.*--overwrite"),
+            (["{0}/tiny.txt"], r"--output"),
+            (["{0}/tiny.txt", "-o", "{0}/new", "--hfov-deg", "0"], r"hfov_deg is 0\.0; it must lie"),
+            (["{0}/tiny.txt", "-o", "{0}/new", "--reference-deg", "nan"], r"reference_deg"),
+            (["{0}/map/nodes.csv", "-o", "{0}/new"], r"nodes\.csv, line 2: "),
+        ],
+        ids=["no file", "output exists", "no output", "field of view", "reference", "not a text map"],
+    )  # fmt: skip
+    def test_mistakes(self, arguments: list[str], says: str, place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+        text_map(place)
+        refused(["import", "map", *(word.format(place) for word in arguments)], place, capfd, says)
+
+    def test_a_mistake_in_the_file_is_one_line(self, place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+        text_map(place)
+        rewrite("tiny.txt", "N1 1000", "N1 metre")(place)
+        for command in (["import", "map"], ["localize"]):
+            arguments = [*command, str(place / "tiny.txt"), "-o", str(place / "new")]
+            arguments += [str(place / "recording")] * (command == ["localize"])
+            refused(arguments, place, capfd, r"tiny\.txt, line 3: x is 'metre', not a finite number; ")
+
+    def test_the_group_lists_what_can_be_imported(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run(["import", "--help"]) == 0
+        assert re.search(r"^│ map +Make a map folder", capsys.readouterr().out, re.MULTILINE)
+
+
+@pytest.fixture
+def moved(place: Path) -> Path:
+    """The tiny map, and a recording of five looks at its first node, in which two slots look otherwise by now."""
+    the_map = TopoMap.load(place / "map")
+    panorama = the_map.nodes[0].panorama
+    assert panorama is not None
+    world = panorama.copy()
+    world[:, 96:120] = noise_circle(9)[:, 96:120]
+    shutil.rmtree(place / "recording")
+    writer = RecordingWriter(place / "recording", CAMERA)
+    views = cut_views(world, the_map.nodes[0].heading, CAMERA)
+    for time, view in enumerate((2, 1, 2, 1, 2)):
+        image, heading = views[view]
+        pose = np.array([0.0, 0.5, heading])
+        writer.add(Frame(float(time), pose, np.zeros(3), {"rgb": image}), pose)
+    writer.close()
+    return place
+
+
+class TestUpkeep:
+    OPTIONS = ("--set", "upkeep.visit_updates=1", "--set", "upkeep.probability=0.3", "--set", "upkeep.match=0.4")
+
+    def test_writes_the_map_refreshed_and_the_panoramas_before(
+        self, moved: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        before, new = content(moved / "map"), moved / "deep" / "new"
+        assert run(localize(moved, "--upkeep", str(new), *self.OPTIONS)) == 0
+        assert f"{new}: the map; panoramas refreshed: N0\n" in capsys.readouterr().out
+        assert content(moved / "map") == before
+        assert [path.name for path in (new / "before").iterdir()] == ["N0.png"]
+        was, now, kept = (
+            read_image(path / "N0.png") for path in (moved / "map" / "panoramas", new / "panoramas", new / "before")
+        )
+        assert np.array_equal(kept, was) and not np.array_equal(now, was)
+        written, given = TopoMap.load(new), TopoMap.load(moved / "map")
+        assert written.nodes == given.nodes
+        for one, other in zip(written.nodes[1:], given.nodes[1:], strict=True):
+            assert one.panorama is not None and other.panorama is not None
+            assert np.array_equal(one.panorama, other.panorama)
+
+    def test_without_a_change_it_is_the_map(self, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run(localize(place, "--upkeep", str(place / "new"))) == 0
+        assert "panoramas refreshed: none" in capsys.readouterr().out
+        assert not (place / "new" / "before").exists()
+
+    @pytest.mark.parametrize(
+        ("options", "says"),
+        [
+            (("--upkeep", "map"), r"map: already exists; "),
+            (("--upkeep", "run"), r"run: is named by both --upkeep and --output; "),
+            (("--upkeep", "new", "--sensor", "histogram"), r"cannot serve ColorHistogram; take the sensor ima"),
+            (("--upkeep", "new", "--set", "upkeep.match=2"), r"settings of upkeep: match is 2.0; "),
+            (("--upkeep", "new", "--set", "upkeep.eagerness=2"), r"settings of upkeep: .*'eagerness'"),
+            (("--set", "upkeep.match=0.6"), r"--set: .*'upkeep'"),
+        ],
+    )
+    def test_mistakes(self, options: Sequence[str], says: str, place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+        words = [str(place / word) if word in ("map", "run", "new") else word for word in options]
+        refused(localize(place, *words), place, capfd, says)

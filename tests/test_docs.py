@@ -26,7 +26,7 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(), re.DOTALL)
 
 
-@pytest.mark.parametrize("name", ["README.md", "docs/estimators.md"])
+@pytest.mark.parametrize("name", ["README.md", "docs/estimators.md", "docs/omni.md"])
 def test_python_of_a_page_prints_what_it_says(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     (code,) = blocks(ROOT / name, "python")
     exec(compile(code, name, "exec"), {})

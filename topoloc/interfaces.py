@@ -1,14 +1,17 @@
-"""The two interfaces: a sensor model turns a frame into evidence, an estimator evidence and motion into belief."""
+"""The interfaces: a sensor makes a frame evidence, an estimator evidence and motion belief; an upkeep may look on."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import numpy as np
+    from numpy.typing import NDArray
 
     from topoloc.topo_map import TopoMap
-    from topoloc.types import Evidence, Frame, Motion, WeightedPoses
+    from topoloc.types import Estimate, Evidence, Frame, Image, Motion, WeightedPoses
 
 
 class Sensor(Protocol):
@@ -44,3 +47,38 @@ class Estimator(Protocol):
     @property
     def belief(self) -> WeightedPoses:
         """Where the robot could be, after all that was taken in."""
+
+
+class Upkeep(Protocol):
+    """Looks on and keeps up to date what the sensor knows of the map."""
+
+    def after(self, frame: Frame, estimate: Estimate, evidence: Evidence) -> None:
+        """Look at an update, after it was made, whose frame was readable and not blind.
+
+        Args:
+            frame: its pictures are read already.
+            estimate: after the update.
+            evidence: of the frame, about the robot.
+        """
+
+    @property
+    def topo_map(self) -> TopoMap:
+        """The map as it is kept now."""
+
+    @property
+    def before(self) -> Mapping[int, Image]:
+        """The panoramas that are not the map's own any more, by index of their nodes, as they were."""
+
+
+class Unwrapper(Protocol):
+    """Makes panoramas of the map's camera from the pictures of one omnidirectional camera."""
+
+    seen: NDArray[np.bool_]
+    """(rows, columns), where the panorama has a picture; it is black elsewhere."""
+
+    @property
+    def seen_share(self) -> float:
+        """Share of the panorama that has a picture."""
+
+    def unwrap(self, image: Image) -> Image:
+        """The panorama (rows, columns[, 3]) of a picture. Raises ``ValueError`` for one of another size."""

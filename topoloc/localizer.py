@@ -9,7 +9,7 @@ import numpy as np
 from topoloc.errors import UnreadableImage
 from topoloc.estimate import SURPRISE, EstimateRule, estimate_from
 from topoloc.geometry import Floats, between, compose
-from topoloc.interfaces import Estimator, Sensor
+from topoloc.interfaces import Estimator, Sensor, Upkeep
 from topoloc.odometry import MotionGate, OdometryNoise
 from topoloc.topo_map import TopoMap
 from topoloc.types import Estimate, Evidence, Frame, Motion, Status, WeightedPoses
@@ -52,6 +52,7 @@ class Localizer:
         prior: where the robot may be at the start; None: anywhere.
         gate: decides which frames are worth an update.
         noise: of the odometry.
+        upkeep: is shown each update, after it was made; it may refresh what the sensor knows of the map.
     """
 
     def __init__(
@@ -64,8 +65,9 @@ class Localizer:
         prior: WeightedPoses | None = None,
         gate: MotionGate | None = None,
         noise: OdometryNoise | None = None,
+        upkeep: Upkeep | None = None,
     ) -> None:
-        self.topo_map, self.sensor, self.estimator = topo_map, sensor, estimator
+        self.topo_map, self.sensor, self.estimator, self.upkeep = topo_map, sensor, estimator, upkeep
         self.gate, self.noise = gate or MotionGate(), noise or OdometryNoise()
         self.rule: EstimateRule = getattr(type(estimator), "estimate_rule", EstimateRule())
         self.last: Step | None = None
@@ -92,6 +94,8 @@ class Localizer:
             estimate = replace(estimate, node=None, probability=0.0, status=Status.LOST)
         kind = "unreadable" if problem else "blind" if evidence.is_blind else "update"
         self.last = Step(frame.timestamp, kind, estimate, evidence, problem)
+        if self.upkeep is not None and kind == "update":
+            self.upkeep.after(frame, estimate, evidence)
         self._anchor = (replace(frame, images={}), estimate)  # the pictures may be large, and are not needed again
         return estimate
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from benchmarks.experiments.experiment import AS_PUBLISHED, IMPROVED
 from estimators.activity import ActivityTracker, ActivityTrackerConfig
 from sensors.ima import IMA, IMAConfig
+from sensors.robust_ima import RobustIMA, RobustIMAConfig
 
 
 @dataclass(frozen=True)
@@ -15,7 +16,7 @@ class Method:
     """Settings of a sensor and of a tracker.
 
     Attributes:
-        sensor: of IMA.
+        sensor: of IMA, the published or the robust one.
         tracker: of the activity tracker.
     """
 
@@ -24,7 +25,8 @@ class Method:
 
     def make(self) -> tuple[IMA, ActivityTracker]:
         """A sensor and a tracker that know no map yet."""
-        return IMA(self.sensor), ActivityTracker(self.tracker)
+        sensor = RobustIMA(self.sensor) if isinstance(self.sensor, RobustIMAConfig) else IMA(self.sensor)
+        return sensor, ActivityTracker(self.tracker)
 
 
 THESIS = Method()

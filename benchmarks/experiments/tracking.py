@@ -13,11 +13,9 @@ from benchmarks.worlds.world import Simulation
 from estimators.activity import TrackerStep
 from topoloc.geometry import Floats, wrap
 from topoloc.localizer import Localizer
-from topoloc.metrics import RIGHT_WITHIN_M
+from topoloc.metrics import RIGHT_WITHIN_M, Bools
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Frame, Ints
-
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -33,6 +31,8 @@ class Tracked:
         match, activity: of the winner; NaN where there is none.
         heading_error: of the winner's matched heading against the robot's true one [rad]; NaN where no normal
             destination won.
+        heading: as the tracker corrected the odometer's [rad]; without meaning before anything won.
+        poses: (U, 3) estimated poses.
         truth: (U, 3) true poses.
         frames: index of each update's frame.
         steps: the tracker's own account.
@@ -47,6 +47,8 @@ class Tracked:
     match: Floats
     activity: Floats
     heading_error: Floats
+    heading: Floats
+    poses: Floats
     truth: Floats
     frames: Ints
     steps: tuple[TrackerStep, ...]
@@ -80,16 +82,51 @@ class Tracked:
         }
 
 
+class Fitted:
+    """IMA that knows its map already: that takes a second, and many drives may have one map.
+
+    Args:
+        method: whose sensor.
+        topo_map: to be fitted to.
+    """
+
+    def __init__(self, method: Method, topo_map: TopoMap) -> None:
+        self._sensor, _ = method.make()
+        self._sensor.fit(topo_map)
+        self.needs = self._sensor.needs
+
+    def fit(self, topo_map: TopoMap) -> None:
+        """Nothing is left to prepare."""
+
+    def observe(self, frame: Frame) -> Evidence:
+        """What IMA sees."""
+        return self._sensor.observe(frame)
+
+
 def tracked(drive: Simulation, method: Method = THESIS) -> Tracked:
     """Run IMA and the tracker over a drive."""
     return tracked_frames(drive.topo_map, drive.frames, drive.truth, method)
 
 
-def tracked_frames(topo_map: TopoMap, frames: Sequence[Frame], truth: Floats, method: Method = THESIS) -> Tracked:
-    """Run IMA and the tracker over frames (N) whose true poses (N, 3) are known."""
+def tracked_frames(
+    topo_map: TopoMap,
+    frames: Sequence[Frame],
+    truth: Floats,
+    method: Method = THESIS,
+    fitted: Fitted | None = None,
+) -> Tracked:
+    """Run IMA and the tracker over frames (N) whose true poses (N, 3) are known.
+
+    Args:
+        topo_map: what the robot knows beforehand.
+        frames: N of them; the robot may be anywhere at the first.
+        truth: (N, 3).
+        method: sensor and tracker.
+        fitted: the method's sensor if it knows the map already; None makes it.
+    """
     sensor, tracker = method.make()
-    localizer = Localizer(topo_map, sensor, tracker)
-    rows, steps, seen = [], [], []
+    localizer = Localizer(topo_map, sensor if fitted is None else fitted, tracker)
+    rows, headings, poses, steps, seen = [], [], [], [], []
     for index, frame in enumerate(frames):
         localizer.step(frame)
         looked = localizer.last
@@ -98,12 +135,32 @@ def tracked_frames(topo_map: TopoMap, frames: Sequence[Frame], truth: Floats, me
         assert tracker.last is not None  # the gate was open
         steps.append(tracker.last)
         seen.append(looked.evidence)
+        headings.append(tracker.heading)
+        poses.append(looked.estimate.pose)
         rows.append((index, *_row(tracker.last, looked.evidence, topo_map.positions, truth[index])))
     at, said, nearest, best, right, match, activity, heading_error = (np.array(c) for c in zip(*rows, strict=True))
-    kinds = np.array([step.kind for step in steps])
     return Tracked(
-        kinds, said, nearest, best, right, match, activity, heading_error, truth[at], at, tuple(steps), tuple(seen)
+        kind=np.array([step.kind for step in steps]),
+        said=said,
+        nearest=nearest,
+        best=best,
+        right=right,
+        match=match,
+        activity=activity,
+        heading_error=heading_error,
+        heading=np.array(headings),
+        poses=np.array(poses),
+        truth=truth[at],
+        frames=at,
+        steps=tuple(steps),
+        evidence=tuple(seen),
     )
+
+
+def right_nodes(topo_map: TopoMap, truth: Floats) -> Bools:
+    """(U, K) which nodes are right at true poses (U, 3): at most ``RIGHT_WITHIN_M`` farther than the nearest."""
+    distance = np.linalg.norm(topo_map.positions - truth[:, None, :2], axis=2)
+    return np.asarray(distance <= distance.min(axis=1, keepdims=True) + RIGHT_WITHIN_M)
 
 
 def _row(
