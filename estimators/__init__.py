@@ -8,6 +8,7 @@ from estimators.activity import ActivityTracker
 from estimators.auxiliary import AuxiliaryParticleFilter
 from estimators.baselines import BestMatch, DeadReckoning
 from estimators.markov import MarkovGrid
+from estimators.offset_tracker import OffsetTracker
 from estimators.particle import ParticleFilter
 from estimators.sequence import SequenceMatching
 from estimators.voting import Voting
@@ -23,6 +24,7 @@ __all__ = [
     "Kalman",
     "MarkovGrid",
     "MultiGaussian",
+    "OffsetTracker",
     "ParticleFilter",
     "SequenceMatching",
     "Voting",

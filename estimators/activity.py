@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -135,7 +135,7 @@ class ActivityTracker:
     origins; each origin keeps its own heading. The tracker alone owns the offset between odometer and map heading.
     """
 
-    Config = ActivityTrackerConfig
+    Config: ClassVar[type[ActivityTrackerConfig]] = ActivityTrackerConfig
     estimate_rule = EstimateRule(bias=-0.09, gain=0.15, agreement_gain=0.36)  # benchmarks/calibration.py
 
     def __init__(self, config: ActivityTrackerConfig | None = None) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sensors.ima import IMA, Matches, Reference
 from sensors.images import clahe, crop_centre, grey, resize
 from topoloc.errors import UserError
-from topoloc.geometry import Floats, wrap
+from topoloc.geometry import Floats, between, compose, wrap
 from topoloc.topo_map import TopoMap
 from topoloc.types import Estimate, Evidence, Frame, Image, Ints, Status
 
@@ -29,10 +29,12 @@ class UpkeepConfig:
     Attributes:
         probability: least probability of the estimate.
         position_sd_m: largest standard deviation of its position, root mean square of both axes [m].
-        reach_m: farthest that the estimate may lie from its node [m].
+        reach_m: farthest that the estimate may lie from its node; looking back, also the farthest that two ways to
+            reckon where a frame was taken may end apart [m].
         match: least match of the frame at that node.
         lead: least margin of that match over the match at every other node: between two nodes a frame belongs to none.
-        heading_deg: most that the heading matched there may differ from the estimate's [degrees].
+        heading_deg: most that the heading matched there may differ from the estimate's, and the two ways [degrees].
+        look_back: frames kept, with their pictures, until the localizer is sure again.
         slot_alike: NCC in [0, 1], as in (A.4), from which on two visits show the same in a slot.
         slot_gain: by how much more alike they must be than the second of them is to the panorama.
         slack_columns: how far the two may be shifted against each other, columns of the scaled panorama: what is near
@@ -45,10 +47,11 @@ class UpkeepConfig:
 
     probability: float = 0.8
     position_sd_m: float = 0.7
-    reach_m: float = 0.5
+    reach_m: float = 0.4
     match: float = 0.5
     lead: float = 0.05
     heading_deg: float = 10.0
+    look_back: int = 8
     slot_alike: float = 0.75
     slot_gain: float = 0.05
     slack_columns: int = 1
@@ -66,10 +69,10 @@ class UpkeepConfig:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
         if not 0.0 <= self.feather_slots <= 0.5:
             raise ValueError(f"feather_slots is {self.feather_slots}; it must lie between 0 and 0.5")
-        if min(self.visit_updates, self.restore_looks) < 1 or min(self.slack_columns, self.restore_margin) < 0:
-            raise ValueError(
-                "visit_updates and restore_looks must be at least 1, slack_columns and restore_margin not negative"
-            )
+        if min(self.visit_updates, self.restore_looks) < 1:
+            raise ValueError("visit_updates and restore_looks must be at least 1")
+        if min(self.look_back, self.slack_columns, self.restore_margin) < 0:
+            raise ValueError("look_back, slack_columns and restore_margin must not be negative")
 
 
 @dataclass(frozen=True)
@@ -146,6 +149,11 @@ class PanoramaUpkeep:
     shows the same there: somebody who stood there once is never burnt in. The map's own panorama is kept, held against
     the refreshed one at every later look, and comes back by itself where it matches better, or by ``restore``.
 
+    Were it for frames alone that match already, the nodes that have changed most would never be refreshed, and lose
+    against neighbours that match better and better. So frames are kept until the localizer is sure again. Where the
+    odometry on from the last sure pose and back from the next one agree on where a frame was taken, and its heading
+    matched there agrees with them, it is sure in hindsight.
+
     Args:
         topo_map: as the localizer has it.
         sensor: the localizer's: its panoramas are exchanged as they are refreshed.
@@ -167,6 +175,8 @@ class PanoramaUpkeep:
         self._map, self._sensor = topo_map, sensor
         self._nodes: dict[int, _Kept] = {}
         self._updates = 0
+        self._last_sure: tuple[Floats, Floats] | None = None  # raw odometer and estimated pose, (3,) each
+        self._doubtful: deque[Frame] = deque(maxlen=self.config.look_back)  # since then
         columns = topo_map.camera.panorama_columns(sensor.config.scale_columns)
         count = round(columns / (sensor.config.scale_columns // sensor.config.slots))
         self._edges = np.rint(np.linspace(0, columns, count + 1)).astype(np.int64)  # of the slots, scaled columns
@@ -189,14 +199,17 @@ class PanoramaUpkeep:
         """Look at an update, after it was made: see ``topoloc.interfaces.Upkeep``."""
         self._updates += 1
         node = estimate.node
-        if node is None or estimate.status is Status.LOST:
-            return
-        if np.linalg.norm(estimate.pose[:2] - self._map.positions[node]) > self.config.reach_m:
-            return
-        if node in self._nodes and self._nodes[node].refreshed.any():
-            self._doubt(frame, estimate, node)
-        if self._is_sure(estimate, evidence, node):
-            self._refresh(frame, node)
+        if node is not None and estimate.status is not Status.LOST and self._in_reach(estimate.pose, node):
+            if node in self._nodes and self._nodes[node].refreshed.any():
+                self._doubt(frame, estimate, node)
+            if self._is_sure(estimate, evidence, node):
+                self._look_back(frame, estimate.pose)
+                self._refresh(frame, node)
+                self._last_sure = None if frame.odometry is None else (frame.odometry, estimate.pose)
+                self._doubtful.clear()
+                return
+        if frame.odometry is not None and self._last_sure is not None:
+            self._doubtful.append(frame)
 
     def restore(self, node: int, timestamp: float = 0.0) -> None:
         """Give a node, by index, the map's own panorama back; what was remembered of it is forgotten."""
@@ -204,6 +217,36 @@ class PanoramaUpkeep:
             kept = self._nodes.pop(node)
             self._sensor.replace_panorama(node, kept.before)
             self.log.append(Change(timestamp, node, np.zeros(0, dtype=np.int64), np.zeros(0)))
+
+    def _in_reach(self, pose: Floats, node: int) -> bool:
+        return bool(np.linalg.norm(pose[:2] - self._map.positions[node]) <= self.config.reach_m)
+
+    def _look_back(self, frame: Frame, pose: Floats) -> None:
+        """Refresh from the frames since the last sure one that this frame, taken at a sure pose, makes sure as well."""
+        if frame.odometry is None or self._last_sure is None:
+            return
+        for doubtful in self._doubtful:
+            assert doubtful.odometry is not None  # or it would not have been kept
+            on = compose(self._last_sure[1], between(self._last_sure[0], doubtful.odometry))
+            back = compose(pose, between(frame.odometry, doubtful.odometry))
+            turned = float(wrap(back[2] - on[2]))
+            if np.linalg.norm(back[:2] - on[:2]) > self.config.reach_m or abs(turned) > self._most_turned:
+                continue
+            reckoned = np.array([*(on[:2] + back[:2]) / 2.0, on[2] + turned / 2.0])
+            node = int(self._map.nearest_node(reckoned[None, :2])[0])
+            if self._in_reach(reckoned, node) and self._faces(
+                doubtful, reckoned, node, self._found(doubtful, node)[-1]
+            ):
+                self._refresh(doubtful, node)
+
+    @property
+    def _most_turned(self) -> float:
+        return float(np.deg2rad(self.config.heading_deg))
+
+    def _faces(self, frame: Frame, pose: Floats, node: int, found: Matches) -> bool:
+        """Whether the heading that a frame matches a node with is that of a robot at this pose."""
+        heading = self._map.nodes[node].heading - 2.0 * np.pi * self._middle(found)
+        return bool(abs(float(wrap(heading - pose[2] - frame.camera[2]))) <= self._most_turned)
 
     def _is_sure(self, estimate: Estimate, evidence: Evidence, node: int) -> bool:
         """Whether localizer and picture agree on where the frame was taken; the node is in reach already."""
@@ -217,14 +260,14 @@ class PanoramaUpkeep:
         if evidence.match[best] < max(config.match, others.max(initial=0.0) + config.lead):
             return False
         turned = float(wrap(evidence.poses[best, 2] - estimate.pose[2]))
-        return bool(abs(turned) <= np.deg2rad(config.heading_deg))
+        return bool(abs(turned) <= self._most_turned)
 
     def _refresh(self, frame: Frame, node: int) -> None:
         """Take in a frame that can be trusted: remember what is new on it, paste what is new for the second time."""
-        kept = self._nodes.setdefault(node, self._untouched(node))
+        kept = self._kept(node)
         kept.visit += kept.last + self.config.visit_updates <= self._updates
         kept.last = self._updates
-        view = self._laid(frame.images["rgb"], kept.now, self._found(frame.images["rgb"], node)[-1])
+        view = self._laid(frame.images["rgb"], kept.now, self._found(frame, node)[-1])
         covered, middles = self._covered(view, kept.now.shape[1])
         seen = self._sensor.prepare(pasted(kept.now, view, np.ones(kept.now.shape[1])))[0].pixels[0]
         rows = middle_rows(len(seen), len(view.picture) / len(kept.now))
@@ -241,7 +284,7 @@ class PanoramaUpkeep:
 
     def paste(self, node: int, view: View, slots: NDArray[np.bool_]) -> None:
         """Put slots (S,) of a view on the panorama of a node, by index; their edges fade out."""
-        kept = self._nodes.setdefault(node, self._untouched(node))
+        kept = self._kept(node)
         columns = kept.now.shape[1]
         kept.ready = kept.ready or self._sensor.prepare(kept.before)
         chosen = np.repeat(slots, np.diff(self._full_edges(columns))).astype(np.float64)
@@ -256,10 +299,8 @@ class PanoramaUpkeep:
         that matches the panorama before, with the estimated heading, is reason enough to look.
         """
         kept, image = self._nodes[node], frame.images["rgb"]
-        before, now = self._found(image, node)[:2]
-        turned = self._map.nodes[node].heading - 2.0 * np.pi * self._middle(before)
-        turned -= float(estimate.pose[2] + frame.camera[2])
-        if before.value[0] < self.config.match or abs(float(wrap(turned))) > np.deg2rad(self.config.heading_deg):
+        before, now = self._found(frame, node)[:2]
+        if before.value[0] < self.config.match or not self._faces(frame, estimate.pose, node, before):
             return
         covered, _ = self._covered(self._laid(image, kept.now, before), kept.now.shape[1])
         if not (covered & kept.refreshed).any():
@@ -268,11 +309,13 @@ class PanoramaUpkeep:
         if len(kept.gains) == self.config.restore_looks and np.mean(kept.gains) > self.config.restore_margin:
             self.restore(node, frame.timestamp)
 
-    def _untouched(self, node: int) -> _Kept:
+    def _kept(self, node: int) -> _Kept:
+        if node in self._nodes:
+            return self._nodes[node]
         panorama, slots = self._map.nodes[node].panorama, len(self._edges) - 1
         assert panorama is not None  # or the sensor would have refused the map
         rows = self._sensor.prepared(node)[0].pixels.shape[1]
-        return _Kept(
+        self._nodes[node] = _Kept(
             panorama,
             panorama,
             candidates=np.zeros((rows, int(self._edges[-1]))),
@@ -280,10 +323,11 @@ class PanoramaUpkeep:
             refreshed=np.zeros(slots, dtype=bool),
             gains=deque(maxlen=self.config.restore_looks),
         )
+        return self._nodes[node]
 
-    def _found(self, image: Image, node: int) -> list[Matches]:
+    def _found(self, frame: Frame, node: int) -> list[Matches]:
         """Where a frame matches the panorama before, if it is another, and that of now; last the better of them."""
-        kept = self._nodes[node]
+        kept, image = self._kept(node), frame.images["rgb"]
         found = [self._sensor.find(image, self._sensor.prepared(node))]
         if kept.ready is not None:
             found.insert(0, self._sensor.find(image, kept.ready))

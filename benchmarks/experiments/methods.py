@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from benchmarks.experiments.experiment import AS_PUBLISHED, IMPROVED
 from estimators.activity import ActivityTracker, ActivityTrackerConfig
+from estimators.offset_tracker import OffsetTracker, OffsetTrackerConfig
 from sensors.ima import IMA, IMAConfig
 from sensors.robust_ima import RobustIMA, RobustIMAConfig
 
@@ -26,11 +27,13 @@ class Method:
     def make(self) -> tuple[IMA, ActivityTracker]:
         """A sensor and a tracker that know no map yet."""
         sensor = RobustIMA(self.sensor) if isinstance(self.sensor, RobustIMAConfig) else IMA(self.sensor)
-        return sensor, ActivityTracker(self.tracker)
+        keeps = isinstance(self.tracker, OffsetTrackerConfig)
+        return sensor, OffsetTracker(self.tracker) if keeps else ActivityTracker(self.tracker)
 
 
 THESIS = Method()
 """Section 5.2: 72 columns, 8 slots, CLAHE, zoom 1.1, thresholds 0.5 and 0.6, odometry reset to the node."""
-OURS = Method(tracker=ActivityTrackerConfig(deviation="fixed", match_power=4.0))
+OURS = Method(RobustIMAConfig(), OffsetTrackerConfig())
+"""``ima-robust`` and ``activity-offset`` as they come."""
 METHODS: Mapping[str, Method] = {AS_PUBLISHED: THESIS, IMPROVED: OURS}
 """By column of the tables."""

@@ -13,8 +13,8 @@ from benchmarks.worlds.lab import LabWorld
 from benchmarks.worlds.people import person
 from benchmarks.worlds.settings import WorldSettings
 
-VIEW_RAD = np.deg2rad(40.0)
-MIDDLES = (np.arange(8) + 0.5) / 8.0
+VIEW_RAD = float(np.deg2rad(40.0))
+MIDDLES = np.linspace(1.0 / 16.0, 15.0 / 16.0, 8)
 
 
 def slots_with(x: float, y: float) -> list[int]:
