@@ -41,9 +41,9 @@ def reproduce(
         return
     chosen = plugins.names(plugins.EXPERIMENTS) if ALL in names else list(dict.fromkeys(names))
     experiments: list[Experiment] = [plugins.load(plugins.EXPERIMENTS, name) for name in chosen]
-    folder = _folder(out, resume)
+    folder, chosen_seeds = _folder(out, resume), range(first_seed, first_seed + seeds)
     for experiment in experiments:
-        _print(experiment, _measured(experiment, range(first_seed, first_seed + seeds), folder, jobs), folder)
+        _print(experiment, chosen_seeds, _measured(experiment, chosen_seeds, folder, jobs), folder)
 
 
 def _folder(out: Path | None, resume: Path | None) -> Path:
@@ -68,7 +68,7 @@ def _measured(experiment: Experiment, seeds: Sequence[int], folder: Path, jobs: 
         return list(progress.track(made, total=len(seeds), description=experiment.name))
 
 
-def _print(experiment: Experiment, measured: Sequence[Measured], folder: Path) -> None:
+def _print(experiment: Experiment, seeds: Sequence[int], measured: Sequence[Measured], folder: Path) -> None:
     """The table on the screen, and table and picture in the folder."""
     from rich import box
     from rich.console import Console
@@ -89,11 +89,11 @@ def _print(experiment: Experiment, measured: Sequence[Measured], folder: Path) -
     console.print("Over seeds: mean ± standard deviation; table.md has the range, too.")
     if experiment.tell is not None:
         console.print(experiment.tell(measured))
-    for path in _written(experiment, measured, folder / experiment.name):
+    for path in _written(experiment, seeds, measured, folder / experiment.name):
         console.print(str(path))
 
 
-def _written(experiment: Experiment, measured: Sequence[Measured], folder: Path) -> list[Path]:
+def _written(experiment: Experiment, seeds: Sequence[int], measured: Sequence[Measured], folder: Path) -> list[Path]:
     """Write ``table.md``, ``table.csv`` and ``figure.png``."""
     from benchmarks.experiments.experiment import lines_of, markdown
     from benchmarks.experiments.picture import write_figure
@@ -106,7 +106,7 @@ def _written(experiment: Experiment, measured: Sequence[Measured], folder: Path)
         (line.quantity.key, line.column, line.quantity.published, *line.values.tolist())
         for line in lines_of(experiment, measured)
     ]
-    write_csv(numbers, ["key", "column", "published", *(f"seed {n}" for n in range(1, len(measured) + 1))], rows)
+    write_csv(numbers, ["key", "column", "published", *(f"seed {seed}" for seed in seeds)], rows)
     write_figure(figure, experiment, measured)
     return [table, numbers, figure]
 
