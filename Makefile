@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help bench bench-quick speed test test-slow lint pictures realism accuracy constraints clean
+.PHONY: help bench bench-quick speed test test-slow lint pictures realism accuracy reproduce constraints clean
 
 help:
 	@echo "make bench        set up, then compare sensors and estimators in the simulated laboratory (about a minute)"
@@ -19,6 +19,7 @@ help:
 	@echo "make pictures     draw the pictures of the README and of docs/worlds.md again"
 	@echo "make realism      measure how hard the laboratory is, and write the table of docs/worlds.md (some minutes)"
 	@echo "make accuracy     measure how often each estimator is right, and write the tables of docs/estimators.md (minutes)"
+	@echo "make reproduce    do all published experiments again, and write docs/experiments.md (about an hour)"
 	@echo "make constraints  write constraints.txt anew from the newest versions"
 
 $(VENV)/.installed: pyproject.toml constraints.txt
@@ -69,6 +70,10 @@ realism: $(VENV)/.installed
 
 accuracy: $(VENV)/.installed
 	@$(BIN)/python -m benchmarks.accuracy --write
+
+reproduce: $(VENV)/.installed
+	@$(BIN)/topoloc reproduce all --out runs/reproduce-all
+	@$(BIN)/python -m benchmarks.experiments.document runs/reproduce-all
 
 constraints:
 	@rm -rf $(VENV)-newest && $(PYTHON) -m venv $(VENV)-newest

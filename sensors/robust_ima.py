@@ -44,11 +44,11 @@ class RobustIMAConfig(IMAConfig):
     contrast_columns: float = 6.0
     contrast_grey: float = 3.0
     slack_columns: int = 1
-    slope: float = 15.5
-    margin: float = 0.087
+    slope: float = 15.4
+    margin: float = 0.085
     sigma_m: float = 0.25
-    kappa_fall: float = 21.5
-    sure_margin: float = 0.097
+    kappa_fall: float = 23.7
+    sure_margin: float = 0.091
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -29,12 +29,14 @@ class UpkeepConfig:
     Attributes:
         probability: least probability of the estimate.
         position_sd_m: largest standard deviation of its position, root mean square of both axes [m].
-        reach_m: farthest that the estimate may lie from its node; looking back, also the farthest that two ways to
-            reckon where a frame was taken may end apart [m].
+        reach_m: farthest that the estimate may lie from its node [m].
         match: least match of the frame at that node.
         lead: least margin of that match over the match at every other node: between two nodes a frame belongs to none.
-        heading_deg: most that the heading matched there may differ from the estimate's, and the two ways [degrees].
-        look_back: frames kept, with their pictures, until the localizer is sure again.
+        heading_deg: most that the heading matched there may differ from the estimate's [degrees].
+        look_back: frames kept, with their pictures, until the localizer is sure again; 0 never looks back.
+        gap_m: most that the odometry on from the last sure pose may differ there from that back from the next: both
+            poses may be a node's, that the robot passed beside [m].
+        gap_deg: the same of its heading [degrees].
         slot_alike: NCC in [0, 1], as in (A.4), from which on two visits show the same in a slot.
         slot_gain: by how much more alike they must be than the second of them is to the panorama.
         slack_columns: how far the two may be shifted against each other, columns of the scaled panorama: what is near
@@ -47,11 +49,13 @@ class UpkeepConfig:
 
     probability: float = 0.8
     position_sd_m: float = 0.7
-    reach_m: float = 0.4
+    reach_m: float = 0.5
     match: float = 0.5
     lead: float = 0.05
     heading_deg: float = 10.0
-    look_back: int = 8
+    look_back: int = 12
+    gap_m: float = 1.0
+    gap_deg: float = 15.0
     slot_alike: float = 0.75
     slot_gain: float = 0.05
     slack_columns: int = 1
@@ -64,7 +68,7 @@ class UpkeepConfig:
         for name in ("probability", "match", "lead", "slot_alike", "slot_gain"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must lie between 0 and 1")
-        for name in ("position_sd_m", "reach_m", "heading_deg"):
+        for name in ("position_sd_m", "reach_m", "heading_deg", "gap_m", "gap_deg"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
         if not 0.0 <= self.feather_slots <= 0.5:
@@ -230,23 +234,20 @@ class PanoramaUpkeep:
             on = compose(self._last_sure[1], between(self._last_sure[0], doubtful.odometry))
             back = compose(pose, between(frame.odometry, doubtful.odometry))
             turned = float(wrap(back[2] - on[2]))
-            if np.linalg.norm(back[:2] - on[:2]) > self.config.reach_m or abs(turned) > self._most_turned:
+            apart = float(np.linalg.norm(back[:2] - on[:2]))
+            if apart > self.config.gap_m or abs(turned) > np.deg2rad(self.config.gap_deg):
                 continue
             reckoned = np.array([*(on[:2] + back[:2]) / 2.0, on[2] + turned / 2.0])
             node = int(self._map.nearest_node(reckoned[None, :2])[0])
-            if self._in_reach(reckoned, node) and self._faces(
-                doubtful, reckoned, node, self._found(doubtful, node)[-1]
-            ):
+            if not self._in_reach(reckoned, node):
+                continue
+            if self._faces(doubtful, reckoned, node, self._found(doubtful, node)[-1]):
                 self._refresh(doubtful, node)
-
-    @property
-    def _most_turned(self) -> float:
-        return float(np.deg2rad(self.config.heading_deg))
 
     def _faces(self, frame: Frame, pose: Floats, node: int, found: Matches) -> bool:
         """Whether the heading that a frame matches a node with is that of a robot at this pose."""
         heading = self._map.nodes[node].heading - 2.0 * np.pi * self._middle(found)
-        return bool(abs(float(wrap(heading - pose[2] - frame.camera[2]))) <= self._most_turned)
+        return bool(abs(float(wrap(heading - pose[2] - frame.camera[2]))) <= np.deg2rad(self.config.heading_deg))
 
     def _is_sure(self, estimate: Estimate, evidence: Evidence, node: int) -> bool:
         """Whether localizer and picture agree on where the frame was taken; the node is in reach already."""
@@ -260,7 +261,7 @@ class PanoramaUpkeep:
         if evidence.match[best] < max(config.match, others.max(initial=0.0) + config.lead):
             return False
         turned = float(wrap(evidence.poses[best, 2] - estimate.pose[2]))
-        return bool(abs(turned) <= self._most_turned)
+        return bool(abs(turned) <= np.deg2rad(self.config.heading_deg))
 
     def _refresh(self, frame: Frame, node: int) -> None:
         """Take in a frame that can be trusted: remember what is new on it, paste what is new for the second time."""
