@@ -43,6 +43,7 @@ class OffsetTracker(ActivityTracker):
     """
 
     Config: ClassVar[type[ActivityTrackerConfig]] = OffsetTrackerConfig
+    estimate_rule = EstimateRule(bias=0.97, gain=0.08, agreement_gain=0.45)  # benchmarks/calibration.py
 
     def __init__(self, config: ActivityTrackerConfig | None = None) -> None:
         super().__init__(config or OffsetTrackerConfig())
