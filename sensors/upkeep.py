@@ -109,7 +109,7 @@ class _Kept:
     Attributes:
         before: the map's own panorama, full size: never changed.
         now: as refreshed; the same object until then.
-        candidates: (rows, C) scaled pixels of what slots showed that did not agree with the panorama.
+        candidates: (rows, C) scaled pixels of what each slot showed when it was last seen.
         seen_in: (S,) visit in which each slot's candidate was seen, or ``NOT_SEEN``.
         refreshed: (S,) which slots were pasted.
         visit, last: number of the visit, and of the update in which a frame was last trusted here.
@@ -148,15 +148,16 @@ class PanoramaUpkeep:
 
     A frame is used only where every sign agrees (``UpkeepConfig``). It is laid on its node's panorama where it matches
     best, scaled by the zoom that matches best: by (2.5) that tells how far ahead of the node the camera stood, better
-    than an estimate that the tracker puts on the node itself. The circle is divided into slots as wide as IMA's. A slot
-    that agrees with the panorama stays. One that does not is remembered, and pasted only when another visit to the node
-    shows the same there: somebody who stood there once is never burnt in. The map's own panorama is kept, held against
-    the refreshed one at every later look, and comes back by itself where it matches better, or by ``restore``.
+    than an estimate that the tracker puts on the node itself. The circle is divided into slots as wide as IMA's: on the
+    circle, not on the frame, so that two frames show the same slots. What a frame shows in a slot is remembered, and
+    pasted only when another visit to the node shows the same, more alike than the panorama is: somebody who stood
+    there once is never burnt in. The map's own panorama is kept, held against the refreshed one at every later look,
+    and comes back by itself where it matches better, or by ``restore``.
 
-    Were it for frames alone that match already, the nodes that have changed most would never be refreshed, and lose
+    Were only those frames used that match already, the nodes that have changed most would never be refreshed, and lose
     against neighbours that match better and better. So frames are kept until the localizer is sure again. Where the
-    odometry on from the last sure pose and back from the next one agree on where a frame was taken, and its heading
-    matched there agrees with them, it is sure in hindsight.
+    odometry on from the last sure pose and back from the next one agree on where a frame was taken, and the heading
+    that it matches the node there with agrees with them, it is sure in hindsight.
 
     Args:
         topo_map: as the localizer has it.

@@ -231,6 +231,55 @@ class TestDoubt:
         assert not place.upkeep.log
 
 
+class TestHindsight:
+    """Sure on nodes 0 and 2, doubtful on node 1 between them, two metres from each."""
+
+    def drive(self, place: Place, odometer: tuple[float, ...] | None, changed_now: Image, turned: float = 0.0) -> None:
+        heading = heading_of(place.map)
+        circles = [panorama_of(place.map, 0), changed_now, panorama_of(place.map, 2)]
+        for node, circle in enumerate(circles):
+            reading = None if odometer is None else np.array([odometer[node], 0.0, heading + turned * node])
+            frame = replace(frame_of(circle), odometry=reading)
+            sure = Status.AMBIGUOUS if node == 1 else Status.LOCALIZED
+            pose = np.array([2.0 * node, 0.0, heading])
+            estimate = Estimate(pose, 0.01 * np.eye(3), node, 0.99, sure)
+            place.upkeep.after(frame, estimate, place.sensor.observe(frame).of_robot(frame.camera))
+        lost = replace(estimate, status=Status.LOST)
+        for _ in range(place.upkeep.config.visit_updates):
+            place.upkeep.after(replace(frame, odometry=None), lost, place.sensor.observe(frame))
+
+    @pytest.mark.parametrize(
+        ("odometer", "turned", "config", "used"),
+        [
+            ((7.0, 9.0, 11.0), 0.0, UpkeepConfig(), True),
+            ((7.0, 9.0, 11.6), 0.0, UpkeepConfig(), True),
+            ((6.5, 9.0, 11.6), 0.0, UpkeepConfig(), False),
+            ((7.0, 9.0, 11.0), 0.2, UpkeepConfig(), False),
+            ((7.0, 8.0, 11.0), 0.0, UpkeepConfig(), False),
+            ((7.0, 9.0, 11.0), 0.0, UpkeepConfig(look_back=0), False),
+            (None, 0.0, UpkeepConfig(), False),
+        ],
+        ids=["agree", "nearly", "far apart", "turned", "off the node", "switched off", "no odometer"],
+    )
+    def test_a_doubtful_frame_counts_where_the_odometry_on_and_back_agree(
+        self, odometer: tuple[float, ...] | None, turned: float, config: UpkeepConfig, used: bool
+    ) -> None:
+        place = Place(config)
+        world = changed(panorama_of(place.map, 1), 9)
+        for _ in range(2):
+            self.drive(place, odometer, world, turned)
+        now = panorama_of(place.upkeep.topo_map, 1)
+        assert (likeness(now, world) > 0.9) == used
+        assert [change.node for change in place.upkeep.log] == [1] * used
+
+    def test_a_frame_that_matches_with_another_heading_does_not(self) -> None:
+        place = Place()
+        elsewhere = np.roll(changed(panorama_of(place.map, 1), 9), 60, axis=1)
+        for _ in range(3):
+            self.drive(place, (7.0, 9.0, 11.0), elsewhere)
+        assert not place.upkeep.log
+
+
 class TestRecovery:
     def wrong(self, place: Place) -> None:
         """A picture of somewhere else, put on half of the node's panorama."""
@@ -326,6 +375,7 @@ class TestParts:
         ({"reach_m": 0.0}, "reach_m is 0.0"),
         ({"feather_slots": 0.6}, "feather_slots is 0.6"),
         ({"visit_updates": 0}, "visit_updates"),
+        ({"look_back": -1}, "look_back"),
         ({"slack_columns": -1}, "slack_columns"),
     ],
 )
