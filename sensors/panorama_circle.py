@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import maximum_filter1d
 
+from sensors.images import resize
 from sensors.panorama import (
     GapTooWide,
     Insertion,
@@ -22,7 +23,7 @@ from sensors.panorama import (
     on_cylinder,
     refuse_unusable,
 )
-from sensors.panorama_pairs import LEAST_OVERLAP_DEG, RESOLUTION_DEG, gradients, step_evidence
+from sensors.panorama_pairs import LEAST_OVERLAP_DEG, RESOLUTION_DEG, gradients, step_doubt, step_evidence
 from topoloc.errors import UserError
 from topoloc.geometry import Floats, wrap
 from topoloc.topo_map import Camera
@@ -37,11 +38,18 @@ SHOWS_NOTHING = float(np.log(2.0))
 WIDEST_GAP = 0.5
 """A gap may be this share of a view."""
 SCALES = tuple(round(0.9 + 0.01 * k, 2) for k in range(21))
-"""Factors of the field of view that are tried where something is wrong."""
-SCALE_GAIN = 10.0
-"""By how much more one of them must be worth to be named."""
+"""Apparent fields of view that are tried, as shares of the one given."""
+SCALE_SD = 0.05
+"""Standard deviation of the apparent field of view before looking, as a share of the one given."""
+SCALE_GAIN = 8.0
+"""By how much more a wider view must be worth: it closes the circle as well as a gap does, which nobody sees.
+
+A narrower one must not: no gap makes steps add up to more than a turn. From laboratories 100 to 109, whose turns 15
+degrees short gain 2 at most."""
 COARSE = 3
 """Candidate steps taken together meanwhile: nine times as fast."""
+TOLD_SCALE = 0.015
+"""An apparent field of view that differs by more is told to the user."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +82,10 @@ class CircleReconstruction:
     Each pair says how likely every step between its two snapshots is; the nominal step, which the odometer gave
     (5.1.2), says so without looking; the steps that maximise the sum of both and add up to 360 degrees are taken.
     Where a pair shows nothing the others decide.
+
+    A field of view that is not quite the one given makes all steps too large or too small by one factor; a camera
+    ahead of the axis that it turns about does nearly the same, since things then cross its view faster. The closed
+    circle tells this factor, see ``closing_scale``.
     """
 
     Config = CircleConfig
@@ -90,7 +102,8 @@ class CircleReconstruction:
         """Find the heading of each snapshot, and paste them into a circle, neighbours fading into each other.
 
         Frames are bent onto the cylinder first, so that the columns are linear in angle within each of them too: an
-        option of EQUATIONS.md, 1, that IMA's headings are better for (docs/panoramas.md).
+        option of EQUATIONS.md, 1, that IMA's headings are better for (docs/panoramas.md). They are as many columns wide
+        as they seem to be on a circle of ``Camera.panorama_columns`` of the field of view given, which is the map's.
 
         Args:
             snapshots: RGB or grey, of one size, in the order they were taken: one turn, clockwise.
@@ -104,65 +117,77 @@ class CircleReconstruction:
         refuse_unusable(snapshots)
         if len(snapshots) > MOST_SNAPSHOTS:
             raise UserError(f"{len(snapshots)} snapshots are too many for one turn; take {MOST_SNAPSHOTS} at most")
-        evidence = self._match_neighbours(snapshots, progress)
+        evidence, doubt = self._match_neighbours(snapshots, progress)
         prior = step_prior(self.config.step_deg or 360.0 / len(snapshots), self.config.step_sd_deg)
-        steps = best_closed_steps(worth_of(evidence, prior))
-        made = self._paste(snapshots, evidence, prior, steps, named(snapshots, names))
-        hint = self._hint_at_field_of_view(evidence, prior) if made.notes else ""
+        scale = closing_scale(evidence, doubt, prior)
+        seen = stretched(evidence, scale)
+        steps = best_closed_steps(worth_of(seen, prior))
+        made = self._paste(snapshots, scale, seen, prior, steps, named(snapshots, names))
         for first, second, gap in made.gaps:
             if gap > WIDEST_GAP * self.config.hfov_deg:
-                raise GapTooWide((first, second), named(snapshots, names), made, f"; {hint}" if hint else "")
-        return replace(made, notes=(*made.notes, hint)) if hint else made
+                raise GapTooWide((first, second), named(snapshots, names), made)
+        return made
 
     def explain(self, snapshots: Sequence[Image], made: Panorama, names: Sequence[str]) -> Iterator[tuple[str, bytes]]:
         """Pictures of every insertion and of the whole circle (4.1.2): see ``sensors.panorama_pictures``."""
         from sensors.panorama_pictures import circle_picture, insertion_pictures
 
-        pictures = self._bent(snapshots)
+        half_view = float(wrap(made.heading - made.headings[0]))
+        pictures = self._bent(snapshots, round(half_view / np.pi * made.image.shape[1]))
         yield from insertion_pictures(pictures, made, names, feathered)
-        yield circle_picture(made, names, self.config.hfov_deg)
+        yield circle_picture(made, names, float(np.rad2deg(2.0 * half_view)))
 
-    def _match_neighbours(self, snapshots: Sequence[Image], progress: Callable[[int], None] | None) -> Floats:
-        """Evidence (S, columns) on the step from each snapshot to the next, from the last to the first as well."""
+    def _match_neighbours(
+        self, snapshots: Sequence[Image], progress: Callable[[int], None] | None
+    ) -> tuple[Floats, Floats]:
+        """Evidence and doubt (S, columns) on each step from a snapshot to the next, the last to the first as well."""
         ready = [gradients(snapshot, self.config.hfov_deg) for snapshot in snapshots]
-        evidence = []
+        evidence, doubt = [], []
         for done, (first, second) in enumerate(zip(ready, ready[1:] + ready[:1], strict=True), start=1):
             evidence.append(step_evidence(first, second))
+            doubt.append(step_doubt(first, second))
             if progress is not None:
                 progress(done)
-        return np.stack(evidence)
+        return np.stack(evidence), np.stack(doubt)
 
-    def _hint_at_field_of_view(self, evidence: Floats, prior: Floats) -> str:
-        scale = closing_scale(evidence, prior)
-        return "" if scale == 1.0 else f"with hfov_deg {scale * self.config.hfov_deg:.1f} the circle would close better"
-
-    def _bent(self, snapshots: Sequence[Image]) -> list[Image]:
-        """The snapshots as they are pasted: filtered, on the cylinder, of the same size."""
-        shape = snapshots[0].shape[:2]
-        per_rad = shape[1] / np.deg2rad(self.config.hfov_deg)
-        return [on_cylinder(filtered(one, self.config), self.config.hfov_deg, shape, per_rad) for one in snapshots]
+    def _bent(self, snapshots: Sequence[Image], width: int) -> list[Image]:
+        """The snapshots as they are pasted: filtered, on the cylinder, so many columns wide, with all their rows."""
+        rows, columns = snapshots[0].shape[:2]
+        per_rad = columns / np.deg2rad(self.config.hfov_deg)
+        bent = [
+            on_cylinder(filtered(one, self.config), self.config.hfov_deg, (rows, columns), per_rad) for one in snapshots
+        ]
+        return bent if width == columns else [resize(one, width, rows) for one in bent]
 
     def _paste(
-        self, snapshots: Sequence[Image], evidence: Floats, prior: Floats, steps: Ints, names: Sequence[str]
+        self,
+        snapshots: Sequence[Image],
+        scale: float,
+        seen: Floats,
+        prior: Floats,
+        steps: Ints,
+        names: Sequence[str],
     ) -> Panorama:
-        """The panorama of these steps (S,), with what is to be told of it."""
-        pictures = self._bent(snapshots)
-        rows, width = pictures[0].shape[:2]
-        camera = Camera(self.config.hfov_deg, width, rows)
-        columns = camera.panorama_columns()
+        """The panorama of these steps (S,) and views so much wider than given, with what is to be told of it."""
+        rows, across = snapshots[0].shape[:2]
+        hfov_deg = scale * self.config.hfov_deg
+        columns, width = Camera(self.config.hfov_deg, across, rows).panorama_columns(), round(scale * across)
         turned = np.deg2rad(RESOLUTION_DEG) * np.concatenate([[0], np.cumsum(steps)[:-1]])
         lefts = np.rint(turned / (2.0 * np.pi) * columns).astype(np.int64) % columns
         headings = wrap(np.deg2rad(self.config.start_deg) - turned)
-        gaps = gaps_between(headings, self.config.hfov_deg)
+        gaps = gaps_between(headings, hfov_deg)
+        notes = (*_notes_on_gaps(gaps, names), *_notes_on_chance(seen, steps, names))
+        if abs(scale - 1.0) > TOLD_SCALE:
+            notes = (*notes, _note_on_view(hfov_deg, self.config.hfov_deg))
         return Panorama(
-            feathered(pictures, lefts, columns),
+            feathered(self._bent(snapshots, width), lefts, columns),
             lefts,
             headings,
             float(wrap(headings[0] + np.pi * width / columns)),
             float(filled_columns(lefts, width, columns).mean()),
             gaps,
-            (*_notes_on_gaps(gaps, names), *_notes_on_chance(evidence, steps, names)),
-            _reasons(evidence, prior, steps),
+            notes,
+            _reasons(seen, prior, steps),
         )
 
 
@@ -207,23 +232,37 @@ def best_closed_steps(worth: Floats) -> Ints:
     return np.array([turned, *reversed(steps)])
 
 
-def closing_scale(evidence: Floats, prior: Floats) -> float:
-    """The factor by which all steps that the pictures say must grow so that the circle closes best.
+def closing_scale(evidence: Floats, doubt: Floats, prior: Floats) -> float:
+    """The factor, one of ``SCALES``, by which all steps that the pictures say must grow so that the circle closes.
 
-    A field of view that is too small by some factor makes every step too small by nearly the same one. [ours]
+    Columns on the cylinder are degrees by the field of view given: where that is too small by some factor, every step
+    is too small by nearly the same one. The factor is the one whose closed circle is worth most, with a normal prior
+    around 1; but a wider view and an unseen gap explain the same, and then there is a gap. [ours]
+
+    Args:
+        evidence: (S, n) of each pair, at steps by the field of view given.
+        doubt: (S, n) what is lost where a pair does not match, see ``sensors.panorama_pairs.step_doubt``.
+        prior: (C,) see ``step_prior``.
 
     Returns:
-        1 unless another one makes the whole worth more by ``SCALE_GAIN``, which a turn that ends short never does.
+        1 where no more than half of the pairs show anything.
     """
-    units = np.arange(evidence.shape[1])
+    if 2 * int((evidence.max(axis=1) >= SHOWS_NOTHING).sum()) <= len(evidence):
+        return 1.0
+    doubted = np.log(np.expm1(evidence) + np.exp(doubt))  # as likely as the match is, or as a match that fails
     worths = []
     for scale in SCALES:
-        longer = np.arange(int(evidence.shape[1] * scale)) / scale
-        worth = worth_of(np.stack([np.interp(longer, units, one) for one in evidence]), prior)
+        worth = worth_of(stretched(doubted, scale), prior)
         coarse = maximum_filter1d(worth, COARSE, axis=1)[:, ::COARSE]
-        worths.append(float(coarse[np.arange(len(coarse)), best_closed_steps(coarse)].sum()))
-    best = int(np.argmax(worths))
-    return SCALES[best] if worths[best] > worths[SCALES.index(1.0)] + SCALE_GAIN else 1.0
+        closed = float(coarse[np.arange(len(coarse)), best_closed_steps(coarse)].sum())
+        worths.append(closed - 0.5 * ((scale - 1.0) / SCALE_SD) ** 2 - (SCALE_GAIN if scale > 1.0 else 0.0))
+    return SCALES[int(np.argmax(worths))]
+
+
+def stretched(evidence: Floats, scale: float) -> Floats:
+    """Evidence (S, n) at steps by one field of view, at those by another so many times as wide."""
+    at = np.arange(int(evidence.shape[1] * scale)) / scale
+    return np.stack([np.interp(at, np.arange(evidence.shape[1]), one) for one in evidence])
 
 
 def _reasons(evidence: Floats, prior: Floats, steps: Ints) -> tuple[Insertion, ...]:
@@ -234,6 +273,13 @@ def _reasons(evidence: Floats, prior: Floats, steps: Ints) -> tuple[Insertion, .
         for pair, (seen, step) in enumerate(zip(evidence, steps, strict=True))
     ]
     return (reasons[-1], *reasons[:-1])
+
+
+def _note_on_view(apparent_deg: float, given_deg: float) -> str:
+    return (
+        f"views seem {apparent_deg:.1f} degrees wide, not {given_deg:g}, since so the circle closes: correct hfov_deg, "
+        f"unless the camera stands ahead of the axis that it turns about"
+    )
 
 
 def _notes_on_gaps(gaps: Sequence[tuple[int, int, float]], names: Sequence[str]) -> Iterator[str]:

@@ -28,12 +28,22 @@ VERTICAL_DEG = 3.0
 """How far the horizon may move from one snapshot to the next, degrees: the camera nods, or is held in a hand."""
 LEAST_OVERLAP_DEG = 2.0
 """Snapshots that share less, degrees, are not compared."""
+ENOUGH_OVERLAP_DEG = 5.0
+"""Snapshots that share so much, degrees, and are full of gradients, match where they belong together."""
+MISSED = 7.0
+"""Log-likelihood that is lost where two such snapshots do not match all the same.
+
+Both from laboratories 100 to 109: of 2,000 pairs none of those that shared 4 degrees or more failed to match."""
 SAMPLES_PER_DEG = 10.0
 """Independent samples in a degree of overlap: correlations of unrelated simulated snapshots spread as if of so many."""
-CHANCE = 8.0
-"""Log-likelihood that the best step of unrelated pictures stays below in 19 of 20 cases: the rest is evidence.
+LEAST_LIKENESS = 0.4
+"""Correlation that is worth nothing: unrelated views of one room share edges of floor and ceiling over any overlap."""
+CHANCE = 4.0
+"""Log-likelihood that the best step of unrelated pictures stays below in 99 of 100 cases: the rest is evidence.
 
-This and the number before from simulated laboratories, seeds 100 to 109, snapshots 90 degrees and more apart."""
+This and SAMPLES_PER_DEG from simulated laboratories, seeds 100 to 109, snapshots 90 degrees and more apart."""
+COMPRESSED_FROM = 10.0
+"""Evidence beyond about so much grows as its logarithm only: rooms repeat themselves, and chairs resemble chairs."""
 TOLERANCE_DEG, MOST_TOLERATED_DEG = 0.25, 4.0
 """Standard deviation between the step that matches best and the true one, degrees (parallax, lens, a wrong field of
 view), and how far the two lie apart at most."""
@@ -95,9 +105,10 @@ def _vertical(rows: int) -> int:
 def step_evidence(first: Gradients, second: Gradients) -> Floats:
     """Log-likelihood ratio (columns,) that the second snapshot was taken so many columns clockwise of the first.
 
-    Of n independent samples of two Gaussians with correlation r, the likelihood that they belong together exceeds
-    the likelihood that they do not by -n/2 log(1 - r^2); negative correlation counts as none. It is taken at the best
-    vertical shift, lessened by what chance reaches, and spread to the steps nearby. [ours]
+    The log-likelihood of n independent samples of two Gaussians with correlation r exceeds that of uncorrelated ones by
+    -n/2 log(1 - r^2); what ``LEAST_LIKENESS`` would give is taken off, since views of one room are never unrelated. It
+    is taken at the best vertical shift, lessened by what chance reaches, compressed, and spread to the steps nearby.
+    [ours]
 
     Args:
         first: the snapshot to the left.
@@ -108,11 +119,32 @@ def step_evidence(first: Gradients, second: Gradients) -> Floats:
     """
     likeness = correlations(first, second).max(axis=0)
     overlap = np.arange(len(likeness), 0, -1) * RESOLUTION_DEG
-    likelihood = -0.5 * first.samples_per_deg * overlap * np.log1p(-(likeness**2))
-    evidence = np.where(overlap < LEAST_OVERLAP_DEG, 0.0, np.logaddexp(0.0, likelihood - CHANCE))
+    likelihood = -0.5 * first.samples_per_deg * overlap * np.log((1.0 - likeness**2) / (1.0 - LEAST_LIKENESS**2))
+    beyond = COMPRESSED_FROM * np.log1p(np.logaddexp(0.0, likelihood - CHANCE) / COMPRESSED_FROM)
+    evidence = np.where(overlap < LEAST_OVERLAP_DEG, 0.0, beyond)
     reach = round(MOST_TOLERATED_DEG / RESOLUTION_DEG)
     off = np.arange(-reach, reach + 1) * RESOLUTION_DEG / TOLERANCE_DEG
     return np.asarray(grey_dilation(evidence, structure=-0.5 * off**2, mode="constant", cval=-np.inf))
+
+
+def step_doubt(first: Gradients, second: Gradients) -> Floats:
+    """Log-likelihood (columns,), never positive, of two snapshots so many columns apart that do not match (ours).
+
+    0 where they hardly overlap or one of them shows nothing; down to -``MISSED`` where both are full of gradients.
+
+    Args:
+        first: the snapshot to the left.
+        second: the one that was taken next, of the same camera.
+    """
+    rows, columns = (size - 1 for size in first.energy.shape)
+    steps = np.arange(columns)
+    top, bottom = np.zeros_like(steps), np.full_like(steps, rows)
+    of_first = _rectangle(first.energy, top, bottom, steps, np.full_like(steps, columns))
+    of_second = _rectangle(second.energy, top, bottom, np.zeros_like(steps), columns - steps)
+    texture = np.minimum(1.0, np.minimum(of_first, of_second) / (rows * (columns - steps)))
+    overlap = (columns - steps) * RESOLUTION_DEG
+    enough = np.clip((overlap - LEAST_OVERLAP_DEG) / (ENOUGH_OVERLAP_DEG - LEAST_OVERLAP_DEG), 0.0, 1.0)
+    return np.asarray(-MISSED * texture * enough)
 
 
 def correlations(first: Gradients, second: Gradients) -> Floats:
