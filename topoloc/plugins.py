@@ -13,7 +13,7 @@ from topoloc.settings import Setting, build, explained, refuse_unknown
 
 SENSORS, ESTIMATORS = "topoloc.sensors", "topoloc.estimators"
 WORLDS, PANORAMAS, COMMANDS = "topoloc.worlds", "topoloc.panoramas", "topoloc.commands"
-EXPERIMENTS, UNWRAPPERS = "topoloc.experiments", "topoloc.unwrappers"
+EXPERIMENTS, UNWRAPPERS, UPKEEPS = "topoloc.experiments", "topoloc.unwrappers", "topoloc.upkeeps"
 
 
 def names(group: str) -> list[str]:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from topoloc.settings import Setting
 
-Kind = Literal["sensors", "estimators", "worlds", "panoramas", "commands"]
+Kind = Literal["sensors", "estimators", "worlds", "panoramas", "upkeeps", "experiments", "commands"]
 FEWEST_SHARED = 6
 """Fewer settings that all things of a kind share are not worth a table of their own."""
 
@@ -22,7 +22,7 @@ def list_names(
     kind: Annotated[Kind | None, Parameter(help="Show only these.")] = None,
     name: Annotated[str | None, Parameter(help="Show only this one of them.")] = None,
 ) -> None:
-    """List sensors, estimators, worlds and panorama methods, with their settings and defaults.
+    """List what can be named: sensors, estimators, worlds and the like with their settings, experiments, commands.
 
     Example: ``topoloc list worlds``, ``topoloc list worlds lab``
     """
@@ -37,17 +37,19 @@ def list_names(
         things = {one: plugins.load(group, one) for one in chosen}
         console.print(title, style="bold")
         if title == "commands":
-            _print_commands(console, things)
+            _print_summaries(console, {name: _summary(thing) for name, thing in things.items()})
+        elif title == "experiments":
+            _print_summaries(console, {name: f"{thing.title} ({thing.source})" for name, thing in things.items()})
         else:
             _print_things(console, title, things)
 
 
-def _print_commands(console: Console, things: Mapping[str, Any]) -> None:
+def _print_summaries(console: Console, summaries: Mapping[str, str]) -> None:
     from rich.table import Table
 
     table = Table("name", "what it is")
-    for name, thing in things.items():
-        table.add_row(name, _summary(thing))
+    for name, summary in summaries.items():
+        table.add_row(name, summary)
     console.print(table)
 
 

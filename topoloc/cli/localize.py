@@ -98,7 +98,7 @@ def _keeper(the_map: TopoMap, eye: Sensor, settings: Mapping[str, Any] | None, f
     refuse_to_overwrite(folders[0])
     if folders[0].resolve() == folders[1].resolve():
         raise UserError(f"{folders[0]}: is named by both --upkeep and --output; name two folders")
-    kind = plugins.load("topoloc.upkeeps", "panoramas")
+    kind = plugins.load(plugins.UPKEEPS, "panoramas")
     keeper: Upkeep = kind(the_map, eye, build(kind.Config, settings or {}, "settings of upkeep"))
     return keeper
 
