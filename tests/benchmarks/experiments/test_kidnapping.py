@@ -50,15 +50,16 @@ def test_updates_and_recovery_by_hand(by_hand: Callable[..., Tracked]) -> None:
         ("supposed", 1, 0, []),
     )
     assert updates_until_right(seen) == 1.0
-    assert _recovery(seen, 1) == (2.0, 0.5)
-    never, share = _recovery(seen, 4)
-    assert never == np.inf
+    matched = np.array([True, False, True, True, False])
+    assert _recovery(seen, 1, matched) == (2.0, 1.0, 0.5)  # two updates covered, one look wrong, the next one right
+    never, nor_then, share = _recovery(seen, 4, matched)
+    assert (never, nor_then) == (np.inf, np.inf)
     assert np.isnan(share)
 
 
 def test_summary_by_hand() -> None:
-    summary = _summary([(1.0, 1.0), (4.0, 0.5), (np.inf, np.nan), (3.0, 0.6)])
-    assert (summary["three"], summary["six"]) == (0.5, 0.75)
+    summary = _summary([(1.0, 1.0, 1.0), (4.0, 7.0, 0.5), (np.inf, np.inf, np.nan), (3.0, 3.0, 0.6)])
+    assert (summary["three"], summary["six"], summary["six updates"]) == (0.5, 0.75, 0.5)
     assert (summary["looks"], summary["then"]) == pytest.approx((8.0 / 3.0, 0.7))
 
 
