@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -23,8 +22,6 @@ from topoloc.types import Image
 TURN = 2.0 * np.pi
 ALIKE = 0.22
 """Two views with a likeness above this overlap; chosen on laboratories 1000 to 1002: 1 in 20 that do not have it."""
-MOST_PARALLAX = 0.15
-"""A view may seem so much narrower or wider from the robot's axis than it is, as a share of it."""
 NEAREST_DEG = 2.0
 """A snapshot that comes nearer to a full turn than this, or goes beyond it, is the first one again; degrees."""
 SAME_VIEW, STANDS = 0.6, 0.05
@@ -141,8 +138,7 @@ class VideoScan(Behaviour):
     Until then snapshots are added: a turn whose odometer promised more than the wheels did ends short (5.1.2).
 
     A camera ahead of the robot's axis moves as the robot turns, and near things cross its picture faster than the robot
-    turns, 4 % at 0.1 m and things 2.5 m away. The method is told the view that is as wide as it seems from the axis,
-    so that the pictures' steps add up to the turn; the panorama then is brought to the columns of the camera (ours).
+    turns, 4 % at 0.1 m and things 2.5 m away: ``circle`` finds by itself how wide the views seem from the axis.
 
     Args:
         robot: stands on the place.
@@ -272,7 +268,8 @@ class VideoScan(Behaviour):
         rows, columns = self._snapshots[0].shape[:2]
         camera = Camera(self._settings.hfov_deg, columns, rows)
         first = float(wrap(self._start + np.deg2rad(self._settings.hfov_deg) / 2.0))
-        panorama = _brought_to(made.image, camera.panorama_columns(), float(wrap(made.heading - first)))
+        beside = float(wrap(made.heading - first)) / TURN * made.image.shape[1]
+        panorama = np.roll(made.image, -round(beside), axis=1)
         return ScannedCircle(panorama, first, camera, self._filters, made.headings, np.array(self._turned), turn), ""
 
     def _of_one_turn(self, angles: Floats) -> Floats:
@@ -281,28 +278,10 @@ class VideoScan(Behaviour):
         reaching = np.flatnonzero(short >= TURN - np.deg2rad(self._settings.hfov_deg - self._settings.overlap_deg))
         return np.asarray(short[: reaching[0] + 1] if len(reaching) else short)
 
-    def _seen_from_axis(self, angles: Floats) -> float:
-        """How wide a view seems from the robot's axis, as a share of what it is: turns by odometer and by pictures.
-
-        The median over neighbours: where little is to be seen, another shift may look better than the true one.
-        """
-        shares = []
-        for (one, other), turn in zip(pairwise(self._edges), np.diff(angles), strict=False):
-            shift, alike = likeness(one, other)
-            moved = shift * np.deg2rad(self._settings.hfov_deg)
-            near = np.abs(moved / turn - 1.0) <= 2.0 * MOST_PARALLAX
-            if near.any() and alike[near].max() >= ALIKE:
-                shares.append(turn / moved[near][alike[near].argmax()])
-        return float(np.median(shares)) if shares else 1.0
-
     def _reconstructed(self, angles: Floats) -> tuple[Reconstruction | None, str]:
         """What the method makes of the first snapshots, turned clockwise by angles (S,) [rad]: condition 3."""
-        share = self._seen_from_axis(angles)
-        if abs(share - 1.0) > MOST_PARALLAX:
-            seems = share * self._settings.hfov_deg
-            return None, f"a view of {self._settings.hfov_deg:g} degrees seems to be {seems:.0f} wide"
         try:
-            maker = self._make_method(angles, share)
+            maker = self._make_method(angles)
             made: Reconstruction = maker.reconstruct(self._snapshots[: len(angles)])
         except UserError as error:
             if not hasattr(error, "pair"):  # a gap between two, as ``sensors.panorama`` tells it
@@ -317,11 +296,11 @@ class VideoScan(Behaviour):
         self._filters = bool(getattr(maker.config, "clahe", False))
         return made, ""
 
-    def _make_method(self, angles: Floats, share: float) -> Any:
+    def _make_method(self, angles: Floats) -> Any:
         """The method of reconstruction, told what it can be told."""
         known = plugins.options(plugins.load(plugins.PANORAMAS, self._settings.method))
         told = {
-            "hfov_deg": self._settings.hfov_deg * share,
+            "hfov_deg": self._settings.hfov_deg,
             "start_deg": float(np.rad2deg(self._start)),
             "step_deg": float(np.rad2deg(angles[-1])) / (len(angles) - 1),
         }
@@ -337,14 +316,6 @@ class VideoScan(Behaviour):
                 f"degrees by the odometer, and {complaint}; take them with more light or smaller steps, correct "
                 f"hfov_deg, try another method, or look whether the wheels slip"
             )
-
-
-def _brought_to(panorama: Image, columns: int, angle: float) -> Image:
-    """The same circle in so many columns, the first of them this angle [rad] clockwise of where it was: to a column."""
-    import cv2  # here, because importing topoloc loads numpy and scipy only
-
-    resized = cv2.resize(panorama, (columns, panorama.shape[0]), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(np.roll(resized, -round(angle / TURN * columns), axis=1), dtype=np.uint8)
 
 
 def add_node(topo_map: TopoMap | None, node: Node, circle: ScannedCircle, name: str = "map") -> TopoMap:

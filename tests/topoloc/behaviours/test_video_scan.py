@@ -168,7 +168,8 @@ def test_what_cannot_close_is_one_clear_line(robot: Stub, says: str) -> None:
 
 
 def test_a_wrong_field_of_view_is_told() -> None:
-    with pytest.raises(UserError, match=r"the pictures do not close: .*a view of 50 degrees seems to be \d\d wide"):
+    says = r"the pictures do not close: .*places snapshot \d+ \d\d degrees from the odometer's .*correct hfov_deg"
+    with pytest.raises(UserError, match=says):
         scanned(Stub(), ScanSettings(hfov_deg=50.0))
 
 
