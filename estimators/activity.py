@@ -156,7 +156,7 @@ class ActivityTracker:
         if prior is None:
             self.restore(_origins_anywhere(len(topo_map.nodes)), None, 0.0)
         else:
-            origins = _origins_of(prior, topo_map)
+            origins = _origins_of(prior, topo_map, self.config.reset)
             best = int(np.argmax(origins.activity))
             known = bool(np.isfinite(origins.headings[best]))
             self.restore(origins, best if known else None, float(origins.headings[best]) if known else 0.0)
@@ -171,6 +171,7 @@ class ActivityTracker:
         """
         self._origins, self._best_origin = origins, best_origin
         self._unmatched = 0  # updates since a match last won
+        self._heading_known = best_origin is not None
         self._odometer_heading = 0.0  # integrated from the motions that follow
         self._offset = heading  # of the map's heading against the odometer's
         self._reset_odometry()
@@ -183,9 +184,12 @@ class ActivityTracker:
     def predict(self, motion: Motion) -> None:
         """Add a motion to the displacement, along the corrected heading (4.1.5).
 
-        Before the first win its direction is unknown, so that only the odometer's own heading is kept.
+        Before the first win its direction is unknown, so that only the odometer's own heading is kept. Where offsets
+        are kept, it stays unknown until a heading was matched: only how far the robot may be by now is known.
         """
-        if self._best_origin is not None:
+        if self._best_origin is not None and not self._heading_known and self.config.reset == "offset":
+            self._drift = self._drift + np.array([0.5, 0.5, 0.0]) * float(motion.delta[:2] @ motion.delta[:2])
+        elif self._best_origin is not None:
             self._displacement = self._displacement + rotate(motion.delta[:2], self.heading)
             self._turned = float(wrap(self._turned + motion.delta[2]))
             along, across, turned = np.diag(motion.covariance)
@@ -300,7 +304,9 @@ class ActivityTracker:
         """Destinations where match and odometry together put them (ours), their headings freed from parallax.
 
         From each origin that may have led here, as far as the move was no outlier, the place matched is drawn to where
-        the odometry led, by their variances as in a Kalman filter; the virtual destination stays where that led.
+        the odometry led, by their variances as in a Kalman filter; the virtual destination stays where that led. The
+        variance is the mean of theirs: with the scatter between the places that are mixed it would be honest, but the
+        tracker erred twice as often with people about.
 
         Args:
             destinations: D, where they were matched.
@@ -313,7 +319,8 @@ class ActivityTracker:
             (fits - self._floor) * origins.activity, reached[:, None], where=reached[:, None] > 0.0, out=fits * 0
         )
         before, measured = origins.variances + self._drift[0], destinations.variances[:, None]
-        gain = np.where(destinations.virtual[:, None], 0.0, share * measured / (measured + before))
+        share = np.where(destinations.virtual[:, None], 0.0, share)
+        gain = share * measured / (measured + before)
         places = matched + gain @ led - gain.sum(axis=1, keepdims=True) * matched
         variances = destinations.variances * (1.0 - gain.sum(axis=1))
         settled = replace(destinations, offsets=places - self._positions[destinations.nodes], variances=variances)
@@ -331,8 +338,11 @@ class ActivityTracker:
 
     def _reset_to(self, destinations: Hypotheses, winner: int) -> None:
         """The end of Code 3.1: reset the odometry to d*, correct the heading if the match allows it, O <- D."""
-        if destinations.match[winner] > self.config.head_threshold and np.isfinite(destinations.headings[winner]):
+        first = self.config.reset == "offset" and not self._heading_known  # any heading is better than none
+        sure = destinations.match[winner] > self.config.head_threshold
+        if (sure or first) and np.isfinite(destinations.headings[winner]):
             self._offset = float(wrap(destinations.headings[winner] - self._odometer_heading))
+            self._heading_known = True
         self._reset_odometry()
         self._origins, self._best_origin = destinations, winner
 
@@ -385,14 +395,26 @@ def _origins_anywhere(count: int) -> Hypotheses:
     return Hypotheses(nodes, unknown, unknown, np.full(count, 1.0 / count), np.zeros(count, dtype=bool))
 
 
-def _origins_of(prior: WeightedPoses, topo_map: TopoMap) -> Hypotheses:
-    """A prior's mass and mean heading at each node that it reaches."""
+def _origins_of(prior: WeightedPoses, topo_map: TopoMap, reset: Reset) -> Hypotheses:
+    """A prior's mass and mean heading at each node that it reaches; and, where offsets are kept, its mean place."""
     weights, nearest = prior.weights, topo_map.nearest_node(prior.poses[:, :2])
     nodes = np.unique(nearest[weights > 0.0])
     activity = np.array([weights[nearest == node].sum() for node in nodes])
     headings = np.array([_common_heading(prior.poses[nearest == node, 2], weights[nearest == node]) for node in nodes])
     unknown = np.full(len(nodes), np.nan)
-    return Hypotheses(nodes, headings, unknown, activity / activity.sum(), np.zeros(len(nodes), dtype=bool))
+    found = Hypotheses(nodes, headings, unknown, activity / activity.sum(), np.zeros(len(nodes), dtype=bool))
+    if reset == "node":
+        return found
+    shares = [weights[nearest == node] / weights[nearest == node].sum() for node in nodes]
+    places = [prior.poses[nearest == node, :2] for node in nodes]
+    means = np.array([share @ place for share, place in zip(shares, places, strict=True)])
+    around = np.array(
+        [
+            share @ ((place - mean) ** 2).sum(axis=1) / 2.0
+            for share, place, mean in zip(shares, places, means, strict=True)
+        ]
+    )
+    return replace(found, offsets=means - topo_map.positions[nodes], variances=around + prior.spread[:2].mean())
 
 
 def _common_heading(headings: Floats, weights: Floats) -> float:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from estimators.activity import ActivityTracker, ActivityTrackerConfig, Hypotheses
 from topoloc.topo_map import Camera, Node, TopoMap
-from topoloc.types import Evidence, Motion
+from topoloc.types import Evidence, Motion, WeightedPoses
 
 SIGMA, PLACE_VARIANCE = 0.2, 0.09
 
@@ -157,3 +157,41 @@ def test_published_reset_keeps_no_offset() -> None:
 def test_bad_settings(settings: dict[str, object]) -> None:
     with pytest.raises(ValueError, match=next(iter(settings))):
         ActivityTrackerConfig(**settings)  # type: ignore[arg-type]
+
+
+class TestHeadingAtTheStart:
+    def test_the_first_heading_is_taken_however_poor(self) -> None:
+        """A match too poor to correct a heading is better than one made up."""
+        made = ActivityTracker(ActivityTrackerConfig(match_threshold=0.3, deviation="fixed", reset="offset"))
+        made.reset(corridor(), np.random.default_rng(0))
+        made.update(seen(1, 0.45, (1.0, 0.0), 90.0))
+        made.predict(drive(0.6))
+        np.testing.assert_allclose(made.belief.poses[0, :2], [1.0, 0.6], atol=0.05)
+
+    def test_without_any_heading_no_direction_is_made_up(self) -> None:
+        made = ActivityTracker(ActivityTrackerConfig(match_threshold=0.3, deviation="fixed", reset="offset"))
+        made.reset(corridor(), np.random.default_rng(0))
+        one = np.ones(1)
+        look = Evidence(np.array([[1.0, 0.0, 0.0]]), np.array([1]), 0.7 * one, 0.3 * one, one, SIGMA * one, 0.0 * one)
+        made.update(look)
+        before = made.belief.spread[0]
+        made.predict(drive(0.6))
+        np.testing.assert_allclose(made.belief.poses[:, :2], np.tile([1.0, 0.0], (4, 1)), atol=0.05)
+        assert made.belief.spread[0] == pytest.approx(before + 0.6**2 / 2.0)
+
+    def test_a_heading_once_known_is_not_corrected_by_a_poor_match(self) -> None:
+        made = tracker(match_threshold=0.3)
+        made.update(seen(0, 0.45, (0.0, 0.0), 90.0))
+        assert made.heading == 0.0
+
+
+def test_a_prior_keeps_its_place_and_spread() -> None:
+    made = ActivityTracker(ActivityTrackerConfig(deviation="fixed", reset="offset"))
+    prior = WeightedPoses.uniform([[0.3, 0.0, 0.0], [0.5, 0.0, 0.0]], spread=(0.01, 0.03, 0.0))
+    made.reset(corridor(), np.random.default_rng(0), prior)
+    made.predict(drive(0.4))
+    made.update(Evidence.blind())
+    assert made.last is not None
+    assert made.last.node == 1  # 0.4 + 0.4 m
+    np.testing.assert_allclose(made.belief.poses, [[0.8, 0.0, 0.0]])
+    assert made.belief.spread[0] == pytest.approx(0.01 / 2.0 + 0.02)
