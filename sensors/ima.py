@@ -18,8 +18,8 @@ from topoloc.types import Evidence, Frame, Image, Ints
 
 SAME_PLACE_M = 0.1
 """Nodes nearer to each other than this are one place photographed twice [m]: it counts once."""
-CALIBRATION_NODES, CALIBRATION_STRIDE = 16, 4
-"""``fit`` matches views of at most so many nodes: of each, one direction in so many."""
+CALIBRATION_NODES, CALIBRATION_STRIDE, CALIBRATION_OTHERS = 16, 4, 64
+"""``fit`` matches views of at most so many nodes, of each one direction in so many, with at most so many others."""
 
 
 @dataclass(frozen=True)
@@ -393,16 +393,22 @@ class IMA:
 
     def _values_of_wrong_nodes(self, circles: list[Image], camera: Camera) -> tuple[Floats, Floats, Floats]:
         """What ``_scale_by`` takes, of views cut from each node's panorama on all others; few views of many nodes."""
-        chosen = np.unique(np.linspace(0, len(circles) - 1, min(len(circles), CALIBRATION_NODES)).round().astype(int))
+        held = _evenly(len(circles), CALIBRATION_OTHERS)
+        references = [Reference(one.pixels[held], one.norms[held], one.circular) for one in self._references]
         values, weights, distances = [], [], []
-        for own in chosen:
-            away = np.linalg.norm(self._positions - self._positions[own], axis=1)
+        for own in _evenly(len(circles), CALIBRATION_NODES):
+            away = np.linalg.norm(self._positions[held] - self._positions[own], axis=1)
             others = away > SAME_PLACE_M
             for window, _ in cut_views(circles[own], 0.0, camera)[::CALIBRATION_STRIDE]:
-                values.append(self._best_of_zooms(window, self._references).value[others])
-                weights.append(1.0 / (self._density[own] * self._density[others]))
+                values.append(self._best_of_zooms(window, references).value[others])
+                weights.append(1.0 / (self._density[own] * self._density[held][others]))
                 distances.append(away[others])
         return np.concatenate(values), np.concatenate(weights), np.concatenate(distances)
+
+
+def _evenly(count: int, most: int) -> Ints:
+    """Numbers below ``count``, at most so many, evenly spaced."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
 
 
 def best_of(found: Sequence[Matches], advances: Floats) -> Matches:

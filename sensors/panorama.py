@@ -114,13 +114,15 @@ def named(snapshots: Sequence[Image], names: Sequence[str] | None) -> Sequence[s
 
 
 def refuse_unusable(snapshots: Sequence[Image]) -> None:
-    """Raise ``UserError`` where there are no snapshots, or where they differ in size."""
+    """Raise ``UserError`` where there are no snapshots, or where they differ in size or colour."""
     if not snapshots:
         raise UserError("a panorama needs snapshots; give at least two that overlap")
     sizes = {snapshot.shape[:2] for snapshot in snapshots}
     if len(sizes) > 1:
         listed = ", ".join(f"{columns}x{rows}" for rows, columns in sorted(sizes))
         raise UserError(f"the snapshots have different sizes ({listed}); scale them to one size")
+    if len({snapshot.shape[2:] for snapshot in snapshots}) > 1:
+        raise UserError("some snapshots are grey and others have colours; make all of them grey, or none")
 
 
 def filtered(snapshot: Image, config: PanoramaConfig) -> Image:
@@ -130,18 +132,18 @@ def filtered(snapshot: Image, config: PanoramaConfig) -> Image:
     return clahe(grey(snapshot), config.clahe_clip_limit, config.clahe_tiles)
 
 
-def on_cylinder(picture: Pixels, hfov_deg: float, shape: tuple[int, int], per_rad: float) -> Pixels:
+def on_cylinder(picture: Pixels, hfov_deg: float, shape: tuple[int, int], per_rad: tuple[float, float]) -> Pixels:
     """A pinhole camera's picture on a cylinder around it, so that its columns are linear in angle.
 
     Args:
         picture: (rows, columns[, 3]) uint8 or float32; so is the result.
         hfov_deg: horizontal field of view, degrees.
         shape: rows and columns of the result, about the optical axis; what the camera did not see repeats its edge.
-        per_rad: columns and rows of the result a radian.
+        per_rad: rows and columns of the result a radian.
     """
     rows, columns = picture.shape[:2]
     focal = columns / 2.0 / np.tan(np.deg2rad(hfov_deg) / 2.0)
-    height, angle = ((np.arange(size) + 0.5 - size / 2.0) / per_rad for size in shape)
+    height, angle = ((np.arange(n) + 0.5 - n / 2.0) / scale for n, scale in zip(shape, per_rad, strict=True))
     x = np.broadcast_to(focal * np.tan(angle) + columns / 2.0 - 0.5, shape).astype(np.float32)
     y = (focal * height[:, None] / np.cos(angle) + rows / 2.0 - 0.5).astype(np.float32)
     return np.asarray(cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))

@@ -151,11 +151,17 @@ class CircleReconstruction:
         return np.stack(evidence), np.stack(doubt)
 
     def _bent(self, snapshots: Sequence[Image], width: int) -> list[Image]:
-        """The snapshots as they are pasted: filtered, on the cylinder, so many columns wide, with all their rows."""
+        """The snapshots as they are pasted: filtered, on the cylinder, so many columns wide, as high as they are.
+
+        A frame has fewer columns a radian in its middle than at its edges. Its rows are scaled between the middle's and
+        the mean: so incremental zoom finds a frame that was taken on the node there, to a centimetre or two.
+        """
         rows, columns = snapshots[0].shape[:2]
-        per_rad = columns / np.deg2rad(self.config.hfov_deg)
+        hfov = np.deg2rad(self.config.hfov_deg)
+        middle, mean = columns / 2.0 / np.tan(hfov / 2.0), columns / hfov
+        scale = (float(np.sqrt(middle * mean)), float(mean))
         bent = [
-            on_cylinder(filtered(one, self.config), self.config.hfov_deg, (rows, columns), per_rad) for one in snapshots
+            on_cylinder(filtered(one, self.config), self.config.hfov_deg, (rows, columns), scale) for one in snapshots
         ]
         return bent if width == columns else [resize(one, width, rows) for one in bent]
 

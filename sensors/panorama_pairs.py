@@ -94,7 +94,7 @@ def _cylinder(level: Image, hfov_deg: float) -> Pixels:
     seen_above = rows / columns * np.sin(half_angle) * per_rad
     shape = (2 * max(1, int(seen_above)), round(hfov_deg / RESOLUTION_DEG))
     blurred = cv2.GaussianBlur(level.astype(np.float32), (0, 0), BLUR_DEG / hfov_deg * columns)
-    return on_cylinder(blurred, hfov_deg, shape, per_rad)
+    return on_cylinder(blurred, hfov_deg, shape, (per_rad, per_rad))
 
 
 def _vertical(rows: int) -> int:

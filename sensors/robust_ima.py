@@ -14,8 +14,9 @@ from topoloc.geometry import Floats
 
 NEAR_M = 1.05
 """A node within this is not far off (DESIGN.md: adjacent within 1 m): with zoom, its views are found where they are."""
-DOUBTFUL = 0.45
-"""Value that 95 % of views of wrong nodes stay below in the simulated laboratory: for a map of one node."""
+DOUBTFUL, DOUBTFUL_RANGE = 0.45, (0.3, 0.6)
+"""Value that 95 % of views of wrong nodes stay below in the simulated laboratory, for a map of one node; and how far it
+may differ on others: two places that look alike, or blank walls, would else decide on a small map."""
 
 
 @dataclass(frozen=True)
@@ -88,11 +89,12 @@ class RobustIMA(IMA):
         return np.asarray(np.interp(value, [0.0, self._doubtful, 1.0], [0.0, 0.5, 1.0]))
 
     def _scale_by(self, wrong: Floats, weights: Floats, distances: Floats) -> None:
-        far = distances > NEAR_M
+        self._doubtful, far = DOUBTFUL, distances > NEAR_M
         if far.any():
             wrong, weights, distances = wrong[far], weights[far], distances[far]
         if len(wrong):
-            self._doubtful = float(np.quantile(wrong, 1.0 - WRONG_QUANTILE, weights=weights, method="inverted_cdf"))
+            most = float(np.quantile(wrong, 1.0 - WRONG_QUANTILE, weights=weights, method="inverted_cdf"))
+            self._doubtful = float(np.clip(most, *DOUBTFUL_RANGE))
         super()._scale_by(wrong, weights, distances)
 
 

@@ -181,7 +181,7 @@ class PanoramaUpkeep:
         self._nodes: dict[int, _Kept] = {}
         self._updates = 0
         self._last_sure: tuple[Floats, Floats] | None = None  # raw odometer and estimated pose, (3,) each
-        self._doubtful: deque[Frame] = deque(maxlen=self.config.look_back)  # since then
+        self._doubtful: deque[tuple[int, Frame]] = deque(maxlen=self.config.look_back)  # since then, by update
         columns = topo_map.camera.panorama_columns(sensor.config.scale_columns)
         count = round(columns / (sensor.config.scale_columns // sensor.config.slots))
         self._edges = np.rint(np.linspace(0, columns, count + 1)).astype(np.int64)  # of the slots, scaled columns
@@ -209,12 +209,12 @@ class PanoramaUpkeep:
                 self._doubt(frame, estimate, node)
             if self._is_sure(estimate, evidence, node):
                 self._look_back(frame, estimate.pose)
-                self._refresh(frame, node)
+                self._refresh(frame, node, self._updates)
                 self._last_sure = None if frame.odometry is None else (frame.odometry, estimate.pose)
                 self._doubtful.clear()
                 return
         if frame.odometry is not None and self._last_sure is not None:
-            self._doubtful.append(frame)
+            self._doubtful.append((self._updates, frame))
 
     def restore(self, node: int, timestamp: float = 0.0) -> None:
         """Give a node, by index, the map's own panorama back; what was remembered of it is forgotten."""
@@ -230,7 +230,7 @@ class PanoramaUpkeep:
         """Refresh from the frames since the last sure one that this frame, taken at a sure pose, makes sure as well."""
         if frame.odometry is None or self._last_sure is None:
             return
-        for doubtful in self._doubtful:
+        for taken, doubtful in self._doubtful:
             assert doubtful.odometry is not None  # or it would not have been kept
             on = compose(self._last_sure[1], between(self._last_sure[0], doubtful.odometry))
             back = compose(pose, between(frame.odometry, doubtful.odometry))
@@ -243,7 +243,7 @@ class PanoramaUpkeep:
             if not self._in_reach(reckoned, node):
                 continue
             if self._faces(doubtful, reckoned, node, self._found(doubtful, node)[-1]):
-                self._refresh(doubtful, node)
+                self._refresh(doubtful, node, taken)
 
     def _faces(self, frame: Frame, pose: Floats, node: int, found: Matches) -> bool:
         """Whether the heading that a frame matches a node with is that of a robot at this pose."""
@@ -264,11 +264,17 @@ class PanoramaUpkeep:
         turned = float(wrap(evidence.poses[best, 2] - estimate.pose[2]))
         return bool(abs(turned) <= np.deg2rad(self.config.heading_deg))
 
-    def _refresh(self, frame: Frame, node: int) -> None:
-        """Take in a frame that can be trusted: remember what is new on it, paste what is new for the second time."""
+    def _refresh(self, frame: Frame, node: int, taken: int) -> None:
+        """Take in a frame that can be trusted: remember what is new on it, paste what is new for the second time.
+
+        Args:
+            frame: it.
+            node: that it shows.
+            taken: number of its update, which for one that is looked back at lies in the past.
+        """
         kept = self._kept(node)
-        kept.visit += kept.last + self.config.visit_updates <= self._updates
-        kept.last = self._updates
+        kept.visit += kept.last + self.config.visit_updates <= taken
+        kept.last = taken
         view = self._laid(frame.images["rgb"], kept.now, self._found(frame, node)[-1])
         covered, middles = self._covered(view, kept.now.shape[1])
         seen = self._sensor.prepare(pasted(kept.now, view, np.ones(kept.now.shape[1])))[0].pixels[0]

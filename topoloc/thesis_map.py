@@ -128,13 +128,15 @@ def load_thesis_map(path: Path, settings: ThesisMapSettings | None = None) -> To
     pictures = _pictures_in(said, path)
     nodes: list[Node] = []
     camera: Camera | None = None
+    first = (0, 0)
     for place in said.places:
         file = _picture_of(place, pictures, said.folder, path)
         panorama = read_picture(file, path, place.line)
-        camera = camera or _camera_of(panorama, known.hfov_deg)
-        if not camera.fits_panorama(panorama):
-            rows, columns = panorama.shape[:2]
-            problem = f"{file.name} is {columns}x{rows}: not {camera.panorama_columns()}x{camera.height} in shape"
+        if camera is None:
+            camera, first = _camera_of(panorama, known.hfov_deg), panorama.shape[:2]
+        elif not camera.fits_panorama(panorama) and panorama.shape[:2] != first:
+            (rows, columns), (high, wide) = panorama.shape[:2], first
+            problem = f"{file.name} is {columns}x{rows}: not {wide}x{high} in shape, as the first"
             raise InputError(path, problem, "make all panoramas with one camera, full circles", line=place.line)
         x, y = place.x_mm / MM_PER_M, place.y_mm / MM_PER_M
         nodes.append(Node(place.name, place.name, x, y, known.first_column, panorama))

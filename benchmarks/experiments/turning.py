@@ -243,7 +243,7 @@ EXPERIMENT = Experiment(
         Quantity("day mean", "the day after: mean output", "a small decrease", "Figure 5.13"),
         Quantity("day wrong", "the day after: wrong positions in a turn", "1", "Figure 5.13"),
         Quantity("people mean", "with people: mean output", "-", "Figure 5.14"),
-        Quantity("people passing", "with people: mean output at A to D", "low", "Figure 5.14"),
+        Quantity("people passing", "with people: mean output at A to D", "-", "Figure 5.14"),
         Quantity("people between", "with people: mean output between", "-", "Figure 5.14"),
         Quantity("people wrong", "with people: wrong positions in a turn", "1", "Figure 5.14"),
         Quantity("other mean", "one metre away: mean output", "not very low", "Figure 5.15"),

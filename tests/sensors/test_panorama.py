@@ -66,7 +66,7 @@ def test_columns_of_the_cylinder_are_linear_in_angle(hfov_deg: float) -> None:
         angle = share * np.deg2rad(hfov_deg) / 2.0
         x = np.arange(columns) + 0.5 - 200.0 - focal * np.tan(angle)
         line = np.tile(255.0 * np.exp(-0.5 * (x / 3.0) ** 2), (60, 1)).astype(np.float32)
-        bent = on_cylinder(line, hfov_deg, (60, columns), per_rad)[30]
+        bent = on_cylinder(line, hfov_deg, (60, columns), (per_rad, per_rad))[30]
         middle = (bent * (np.arange(columns) + 0.5)).sum() / bent.sum()
         assert (middle - 200.0) / per_rad == pytest.approx(angle, abs=np.deg2rad(0.03))
 
@@ -75,7 +75,7 @@ def test_a_level_line_below_the_horizon_bends_up_to_the_sides() -> None:
     """At the angle a it stands cos a as far below the horizon as in the middle."""
     picture = np.zeros((300, 400), np.float32)
     picture[250:253] = 255.0
-    bent = on_cylinder(picture, 60.0, (300, 400), 400 / np.deg2rad(60.0))
+    bent = on_cylinder(picture, 60.0, (300, 400), (400 / np.deg2rad(60.0), 400 / np.deg2rad(60.0)))
     below = (bent * (np.arange(300) + 0.5)[:, None]).sum(axis=0) / bent.sum(axis=0) - 150.0
     angle = np.deg2rad((np.arange(400) + 0.5 - 200.0) * 60.0 / 400.0)
     np.testing.assert_allclose(below, below[200] * np.cos(angle), atol=0.6)

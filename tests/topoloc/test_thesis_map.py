@@ -152,7 +152,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "broken picture": (write("panoramic/DESK_2.png", "no"), r"line 4: the picture DESK_2\.png does not decode.*; save"),
     "another shape": (
         lambda folder: write_image(folder / "panoramic/DESK_2.png", circle(0, 36, 300)),
-        r"line 4: DESK_2\.png is 300x36: not 432x36 in shape; make",
+        r"line 4: DESK_2\.png is 300x36: not 432x36 in shape, as the first; make",
     ),
     "a word for x": (rewrite("lab.txt", "1000 1000", "one 1000"), r"line 4: x is 'one', not a finite number; write"),
     "an infinite y": (rewrite("lab.txt", "1000 1000", "1000 inf"), r"line 4: y is 'inf', not a finite number; write"),

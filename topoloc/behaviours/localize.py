@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Condition
+from types import TracebackType
 
 import numpy as np
 
@@ -61,6 +62,7 @@ class Localize(Behaviour):
         self._news = Condition()
         self._last: Position | None = None
         self._error: BaseException | None = None
+        self._traceback: TracebackType | None = None
 
     def init(self) -> None:
         """Load the map, make sensor and estimator, and fit them to it."""
@@ -75,6 +77,8 @@ class Localize(Behaviour):
         """One look, one step; there is always more to do."""
         assert self._localizer is not None  # the engine calls ``init`` first
         frame = self._robot.look()
+        if self._last is not None and frame.timestamp == self._last.timestamp:
+            return True  # a robot at rest gave the same frame again, which is no news
         estimate = self._localizer.step(frame)  # outside the lock: a slow sensor holds nobody up
         node = None if estimate.node is None else self._localizer.topo_map.nodes[estimate.node]
         with self._news:
@@ -85,7 +89,7 @@ class Localize(Behaviour):
     def failed(self, error: BaseException) -> None:
         """From now on ``position`` and ``wait`` raise it: an old position must not pass for a new one."""
         with self._news:
-            self._error = error
+            self._error, self._traceback = error, error.__traceback__
             self._news.notify_all()
 
     def position(self) -> Position | None:
@@ -126,4 +130,4 @@ class Localize(Behaviour):
 
     def _raise_error(self) -> None:
         if self._error is not None:
-            raise self._error
+            raise self._error.with_traceback(self._traceback)  # or each raise would add to the same traceback

@@ -157,6 +157,7 @@ class VideoScan(Behaviour):
         self._robot, self._heading = robot, heading
         self._settings, self._method_settings = settings or ScanSettings(), dict(method_settings or {})
         self._circle: ScannedCircle | None = None
+        self._is_over = False
 
     def init(self) -> None:
         """Forget all snapshots, and take the odometer as it stands."""
@@ -165,7 +166,7 @@ class VideoScan(Behaviour):
         self._turned: list[float] = []
         self._start = 0.0
         self._sum, self._reading = 0.0, float(self._robot.odometry()[2])
-        self._circle, self._filters = None, False
+        self._circle, self._filters, self._is_over = None, False, False
 
     def action(self) -> bool:
         """A step of the turn, a snapshot, and a look whether the circle is closed.
@@ -174,6 +175,8 @@ class VideoScan(Behaviour):
             UserError: the robot does not turn, gives no picture, or has turned full circle and the pictures still do
                 not close.
         """
+        if self._is_over:
+            self.init()  # started again, after the end or a failure: from the first snapshot
         if self._snapshots:
             self._turn_on()
         self._take_snapshot()
@@ -183,8 +186,13 @@ class VideoScan(Behaviour):
         if made is None:
             self._refuse_endless(complaint)
             return True
-        self._circle = made
+        self._circle, self._is_over = made, True
         return False
+
+    def failed(self, error: BaseException) -> None:
+        """The next action begins anew."""
+        del error  # whoever waits for the scan is told by the engine
+        self._is_over = True
 
     @property
     def circle(self) -> ScannedCircle:

@@ -91,11 +91,11 @@ def localize(
 def _keeper(the_map: TopoMap, eye: Sensor, settings: Mapping[str, Any] | None, folders: tuple[Path, Path]) -> Upkeep:
     """What refreshes the panoramas that the sensor has; the folders are the new map's and the run's."""
     from topoloc import plugins
-    from topoloc.errors import UserError
-    from topoloc.files import refuse_to_overwrite
+    from topoloc.errors import InputError, UserError
     from topoloc.settings import build
 
-    refuse_to_overwrite(folders[0])
+    if folders[0].exists() and (not folders[0].is_dir() or any(folders[0].iterdir())):
+        raise InputError(folders[0], "exists already", "name another folder: --upkeep replaces no map")
     if folders[0].resolve() == folders[1].resolve():
         raise UserError(f"{folders[0]}: is named by both --upkeep and --output; name two folders")
     kind = plugins.load(plugins.UPKEEPS, "panoramas")

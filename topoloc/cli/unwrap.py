@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -36,6 +37,8 @@ def unwrap(
     from topoloc.files import new_folder, read_image, refuse_to_overwrite, write_image
 
     refuse_to_overwrite(output, overwrite)
+    if not isfinite(heading_deg):
+        raise UserError(f"--heading-deg is {heading_deg}; give degrees")
     if len({path.stem for path in pictures}) < len(pictures):
         raise UserError("two pictures have the same name; unwrap them one by one")
     first = read_image(pictures[0])
