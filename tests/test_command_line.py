@@ -263,7 +263,7 @@ class TestPanorama:
         text, err = capfd.readouterr()
         assert re.search(r"864 x 72, heading 1(09\.[5-9]|10\.[0-5])\d degrees", text)  # these views are no pin-hole's
         assert "from 12 snapshots" in text
-        assert err == ""
+        assert all("seem" in line for line in err.splitlines())
 
     def test_in_colour_it_is_the_circle_itself(self, tmp_path: Path) -> None:
         folder, out = snapshots_of(tmp_path / "snapshots"), tmp_path / "p.png"
