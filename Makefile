@@ -72,7 +72,7 @@ accuracy: $(VENV)/.installed
 	@$(BIN)/python -m benchmarks.accuracy --write
 
 reproduce: $(VENV)/.installed
-	@$(BIN)/topoloc reproduce all --out runs/reproduce-all
+	@$(BIN)/topoloc reproduce all $$(test -d runs/reproduce-all && echo --resume || echo --out) runs/reproduce-all
 	@$(BIN)/python -m benchmarks.experiments.document runs/reproduce-all
 
 constraints:

@@ -15,7 +15,7 @@ from topoloc.errors import InputError, UserError
 if TYPE_CHECKING:
     from benchmarks.experiments.experiment import Experiment, Measured
 
-ALL = "all"
+ALL, SEED_FILES = "all", "seeds"
 FIRST_SEED, SEEDS = 10, 10
 
 
@@ -24,8 +24,8 @@ def reproduce(
     *,
     seeds: Annotated[int, Parameter(help="How many seeds, counted from the first.", validator=Number(gte=1))] = SEEDS,
     first_seed: Annotated[int, Parameter(help="Nothing was fitted to 10 to 19.", validator=Number(gte=0))] = FIRST_SEED,
-    jobs: Annotated[int, Parameter(help="Processes; -1: as many as there are cores.")] = -1,
-    out: Annotated[Path | None, Parameter(help="Folder to make; runs/<date>-reproduce by default.")] = None,
+    jobs: Annotated[int, Parameter(help="Processes; -1: as many as there are cores.", validator=Number(gte=-1))] = -1,
+    out: Annotated[Path | None, Parameter(help="Folder to make; runs/TIME-reproduce by default.")] = None,
     resume: Annotated[
         Path | None, Parameter(help="Folder of a run to go on with: its seeds are not done again.")
     ] = None,
@@ -39,9 +39,12 @@ def reproduce(
     if not names:
         _print_list()
         return
+    if jobs == 0:
+        raise UserError("--jobs is 0; give a number from 1 on, or -1 for as many as there are cores")
     chosen = plugins.names(plugins.EXPERIMENTS) if ALL in names else list(dict.fromkeys(names))
     experiments: list[Experiment] = [plugins.load(plugins.EXPERIMENTS, name) for name in chosen]
-    folder, chosen_seeds = _folder(out, resume), range(first_seed, first_seed + seeds)
+    folder = _folder(out, resume)
+    chosen_seeds = range(first_seed, first_seed + seeds)
     for experiment in experiments:
         _print(experiment, chosen_seeds, _measured(experiment, chosen_seeds, folder, jobs), folder)
 
@@ -52,6 +55,8 @@ def _folder(out: Path | None, resume: Path | None) -> Path:
     if resume is not None:
         if not resume.is_dir():
             raise InputError(resume, "no such folder", "name one that topoloc reproduce made")
+        if any(resume.iterdir()) and not any(resume.glob(f"*/{SEED_FILES}")):
+            raise InputError(resume, "holds no experiment", "name a folder that topoloc reproduce made")
         return resume
     folder = out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-reproduce"
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -63,7 +68,7 @@ def _measured(experiment: Experiment, seeds: Sequence[int], folder: Path, jobs: 
     from benchmarks.experiments.experiment import measure_seeds
     from topoloc.cli.progress import bar
 
-    made = measure_seeds(experiment, seeds, folder / experiment.name / "seeds", jobs)
+    made = measure_seeds(experiment, seeds, folder / experiment.name / SEED_FILES, jobs)
     with bar() as progress:
         return list(progress.track(made, total=len(seeds), description=experiment.name))
 
@@ -77,7 +82,7 @@ def _print(experiment: Experiment, seeds: Sequence[int], measured: Sequence[Meas
     from benchmarks.experiments.experiment import columns_of, lines_of
 
     console = Console(markup=False, emoji=False, highlight=False)
-    console.print(f"{experiment.title} (thesis {experiment.source}; simulated, {len(measured)} seeds)", style="bold")
+    console.print(f"{experiment.title} (thesis {experiment.source}; simulated, seeds: {len(measured)})", style="bold")
     columns = columns_of(measured)
     table = Table("", "published", "where", *columns, box=box.SIMPLE, padding=(0, 1, 0, 0))
     lines = lines_of(experiment, measured)

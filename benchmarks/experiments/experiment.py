@@ -139,9 +139,10 @@ def measure_seeds(experiment: Experiment, seeds: Sequence[int], folder: Path, jo
         jobs: processes, as joblib counts them.
 
     Raises:
-        InputError: a file there is of another version of topoloc, or no such file at all.
+        InputError: a file there is of another experiment, seed or version of topoloc, or no measurement at all.
     """
-    kept = {seed: _read(folder / f"{seed}.json", seed) for seed in seeds if (folder / f"{seed}.json").exists()}
+    files = {seed: folder / f"{seed}.json" for seed in seeds}
+    kept = {seed: _read(path, experiment.name, seed) for seed, path in files.items() if path.exists()}
     missing = [seed for seed in seeds if seed not in kept]
     made = Parallel(n_jobs=jobs, return_as="generator")(delayed(_measure)(experiment, seed, folder) for seed in missing)
     yield from (kept[seed] if seed in kept else next(made) for seed in seeds)
@@ -158,14 +159,15 @@ def _measure(experiment: Experiment, seed: int, folder: Path) -> Measured:
     return read
 
 
-def _read(path: Path, seed: int) -> Measured:
+def _read(path: Path, name: str, seed: int) -> Measured:
     remedy = "delete it, or start anew with --out in another folder"
     try:
         held = json.loads(read_text(path, remedy))
-        of_version, of_seed, measured = held["topoloc"], held["seed"], held["measured"]
+        found, measured = (held["experiment"], held["seed"], held["topoloc"]), held["measured"]
     except (json.JSONDecodeError, KeyError, TypeError):
         raise InputError(path, "holds no measurement", remedy) from None
-    if of_version != version("topoloc") or of_seed != seed:
-        raise InputError(path, f"was measured by topoloc {of_version} on seed {of_seed}", remedy)
+    if found != (name, seed, version("topoloc")):
+        problem = f"is of the experiment {found[0]!r}, seed {found[1]}, topoloc {found[2]}"
+        raise InputError(path, problem, remedy)
     read: Measured = measured
     return read

@@ -86,8 +86,9 @@ def test_seeds_come_in_their_order_when_some_were_there(tmp_path: Path) -> None:
     [
         "no json",
         "[]",
-        json.dumps({"topoloc": "0.0", "seed": 10, "measured": {}}),
-        json.dumps({"topoloc": version("topoloc"), "seed": 9, "measured": {}}),
+        json.dumps({"topoloc": "0.0", "experiment": "toy", "seed": 10, "measured": {}}),
+        json.dumps({"topoloc": version("topoloc"), "experiment": "toy", "seed": 9, "measured": {}}),
+        json.dumps({"topoloc": version("topoloc"), "experiment": "game", "seed": 10, "measured": {}}),
     ],
 )
 def test_a_file_that_is_no_measurement_of_this(text: str, tmp_path: Path) -> None:
@@ -132,6 +133,8 @@ class TestCommand:
         [
             (["toy", "--out", "{0}"], "exists already.*--resume"),
             (["toy", "--resume", "{0}/none"], "no such folder"),
+            (["toy", "--resume", "{0}"], "holds no experiment"),
+            (["toy", "--jobs", "0", "--out", "{0}/a"], "--jobs is 0"),
             (["toy", "--out", "{0}/a", "--resume", "{0}"], "give one of them"),
             (["toys", "--out", "{0}/a"], "'toys'.*old-panoramas"),
         ],
