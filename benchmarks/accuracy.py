@@ -18,7 +18,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
-from benchmarks.calibration import Drive, Recalled, watched
+from benchmarks.calibration import RULE_SENSORS, Drive, Recalled, watched
 from benchmarks.experiments.conditions import CONDITIONS
 from benchmarks.experiments.kidnappings import KIDNAPPINGS, LOOKS, kidnapped, looks_until_right
 from benchmarks.runner import ESTIMATOR_STREAM
@@ -71,7 +71,7 @@ def answers(seed: int, estimators: Sequence[str], laps: float = LAPS) -> dict[st
             name: [watched("ima", kidnapped(CONDITIONS[name], *event), seed) for event in KIDNAPPINGS]
             for name in ("fresh", "old")
         }
-        told = [watched(sensor, world, seed) for sensor in plugins.names(plugins.SENSORS) for world in SCENARIOS]
+        told = [watched(sensor, world, seed) for sensor in RULE_SENSORS for world in SCENARIOS]
         return {name: _answers_of(name, seed, long, carried, told) for name in estimators}
 
 

@@ -42,7 +42,7 @@ class ActivityTrackerConfig:
         outlier_floor: share of the action model, where fixed, that any move has, since odometry may err and the robot
             may be carried off; it adds up over the updates since a match last won: 1 - (1 - outlier_floor)^(1 + n). At
             0 a tracker that has gone wrong stays so for long.
-        match_power: power of the match in the update; 1 is the thesis's (3.23). Fixed sigmas do best with about 4: a
+        match_power: power of the match in the update; 1 is the thesis's (3.23). Fixed sigmas do best with 3 to 4: a
             move counts for more there, and so must the difference between a match of 0.7 and one of 0.5.
         reset: where the odometry is reset to: ``node``, the thesis's (3.7), which its author found to make most of the
             errors (5.2.3); or ``offset``: each hypothesis keeps where it stands off its node, from the odometry and

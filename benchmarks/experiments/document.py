@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from benchmarks.experiments.experiment import SEEDS, Experiment, Measured, markdown, measure_seeds
+import numpy as np
+
+from benchmarks.experiments.experiment import (
+    AS_PUBLISHED,
+    IMPROVED,
+    SEEDS,
+    Experiment,
+    Measured,
+    markdown,
+    measure_seeds,
+)
 from benchmarks.experiments.picture import write_figure
 from topoloc import plugins
 from topoloc.files import write_text
@@ -59,6 +69,32 @@ def section(experiment: Experiment, measured: Sequence[Measured]) -> str:
     return "\n".join([*parts, markdown(experiment, measured)])
 
 
+ERRORS = {
+    "fresh": ("old-panoramas", "fresh error rate", "0", "at most 5 %"),
+    "two days old": ("old-panoramas", "error rate", "4.7 %", "4 to 12 %"),
+    "with people": ("people", "error rate", "1.2 %", "2 to 12 %"),
+    "laboratory and corridor": ("corridor", "error rate", "2.0 %", "-"),
+}
+"""Of each condition: experiment, key, what was published, and what was asked of a simulation with its settings."""
+MOST_OF_ERRORS = 0.30
+"""The improved method should make at most this share of the published method's errors."""
+
+
+def errors(measured: Mapping[str, Sequence[Measured]]) -> str:
+    """What the improved method leaves of the published one's errors, in Markdown; means over seeds."""
+    lines = [
+        "| errors, share of updates | published | asked for | as published | improved | left of them | median of seeds |",
+        "|---" * 7 + "|",
+    ]
+    for condition, (name, key, published, asked) in ERRORS.items():
+        ours, theirs = ([one[column][key] for one in measured[name]] for column in (IMPROVED, AS_PUBLISHED))
+        left = float(np.mean(ours) / np.mean(theirs))
+        cells = [condition, published, asked, f"{100 * np.mean(theirs):.1f} %", f"{100 * np.mean(ours):.1f} %"]
+        cells += [f"{100 * left:.0f} %{'' if left <= MOST_OF_ERRORS else ', **missed**'}"]
+        lines.append(f"| {' | '.join(cells)} | {100 * np.median(theirs):.1f} and {100 * np.median(ours):.1f} % |")
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
     """Write the page from the folder of a run; seeds that it lacks are measured."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -68,15 +104,16 @@ def main() -> None:
     text = DOCUMENT.read_text(encoding="utf-8")
     if BEGIN not in text or END not in text:
         raise SystemExit(f"{DOCUMENT}: the lines around the tables are gone; put them back")
-    sections = []
+    sections, of_all = [], {}
     for name in ORDER:
         experiment: Experiment = plugins.load(plugins.EXPERIMENTS, name)
         measured = list(measure_seeds(experiment, SEEDS, words.run / name / "seeds", words.jobs))
+        of_all[name] = measured
         sections.append(section(experiment, measured))
         if name in PICTURED:
             write_figure(PICTURES / f"{name}.png", experiment, measured)
     before, after = text.partition(BEGIN)[0], text.partition(END)[2]
-    write_text(DOCUMENT, before + BEGIN + "\n".join(sections) + END + after)
+    write_text(DOCUMENT, before + BEGIN + "\n".join([errors(of_all), *sections]) + END + after)
 
 
 if __name__ == "__main__":
