@@ -83,7 +83,7 @@ MOST_OF_ERRORS = 0.30
 def errors(measured: Mapping[str, Sequence[Measured]]) -> str:
     """What the improved method leaves of the published one's errors, in Markdown; means over seeds."""
     lines = [
-        "| errors, share of updates | published | asked for | as published | improved | left of them | median of seeds |",
+        "| errors, share of updates | published | asked for | as published | improved | left of them | medians |",
         "|---" * 7 + "|",
     ]
     for condition, (name, key, published, asked) in ERRORS.items():

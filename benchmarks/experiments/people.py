@@ -111,9 +111,10 @@ EXPERIMENT = Experiment(
     about=(
         "Ten rounds past the eight nodes, 28 to 34 cm off their centres, with panoramas of the same day. Someone "
         "stands before the camera or walks along in 35 % of the frames as the setting has it (people=0.35), 38 % on "
-        "these seeds, in a tenth of the stays over the whole view, and others sit on chairs. A node is an error if it is more than 0.25 m farther from the "
-        "robot than the nearest one; strictly, if it is not the very nearest. The authors judged by eye. Updates with "
-        "people are those with someone standing in view; adjacent means next to it in the order of the path."
+        "these seeds, in a tenth of the stays over the whole view, and others sit on chairs. A node is an error if it "
+        "is more than 0.25 m farther from the robot than the nearest one; strictly, if it is not the very nearest. The "
+        "authors judged by eye. Updates with people are those with someone standing in view; adjacent means next to it "
+        "in the order of the path."
     ),
     measure=measure,
     quantities=(
