@@ -14,6 +14,7 @@ from benchmarks.worlds.settings import WorldSettings
 from sensors.ima import IMA, make_reference
 from sensors.images import cut_views
 from sensors.robust_ima import RobustIMA, RobustIMAConfig, local_contrast, match_loosely
+from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Frame
 
 FLAT = 1.0 / 12.0
@@ -122,6 +123,35 @@ def test_half_a_match_is_what_most_wrong_places_stay_below(laboratory: LabWorld)
             assert evidence.match[own] > 0.9
             wrong += evidence.match[far].tolist()
     assert 0.90 <= np.mean(np.array(wrong) < 0.5) <= 0.99
+
+
+def test_twins_and_blank_walls_do_not_decide_on_a_small_map() -> None:
+    """Two look-alike nodes of four are more than 5 % of all pairs; blank ones give no correlation at all."""
+    rng = np.random.default_rng(4)
+    circles = [np.kron(rng.integers(0, 256, (9, 108)), np.ones((8, 8))).astype(np.uint8) for _ in range(3)]
+    twins = [*circles, circles[0]]
+    blank = [np.full_like(circles[0], 90)] * 4
+    matches = {}
+    for name, panoramas in (("twins", twins), ("blank", blank)):
+        nodes = tuple(Node(f"n{k}", "", 2.0 * k, 0.0, 0.0, one) for k, one in enumerate(panoramas))
+        sensor = RobustIMA()
+        sensor.fit(TopoMap(name, Camera(40.0, 96, 72), nodes))
+        view = circles[1][:, 100:196]
+        matches[name] = sensor.observe(Frame(0.0, None, np.zeros(3), {"rgb": view})).match
+    assert matches["twins"][1] > 0.9
+    assert matches["blank"].max() < 0.1
+
+
+def test_a_map_of_one_node_after_another_map() -> None:
+    circle = np.kron(np.random.default_rng(5).integers(0, 256, (9, 108)), np.ones((8, 8))).astype(np.uint8)
+    one = TopoMap("one", Camera(40.0, 96, 72), (Node("a", "", 0.0, 0.0, 0.0, circle),))
+    two = TopoMap("two", one.camera, (*one.nodes, Node("b", "", 2.0, 0.0, 0.0, np.flipud(circle).copy())))
+    fresh, used = RobustIMA(), RobustIMA()
+    used.fit(two)
+    fresh.fit(one)
+    used.fit(one)
+    frame = Frame(0.0, None, np.zeros(3), {"rgb": np.roll(circle, 3, axis=0)[:, 100:196]})
+    np.testing.assert_array_equal(fresh.observe(frame).match, used.observe(frame).match)
 
 
 @pytest.mark.slow

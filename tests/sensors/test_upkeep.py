@@ -272,6 +272,18 @@ class TestHindsight:
         assert (likeness(now, world) > 0.9) == used
         assert [change.node for change in place.upkeep.log] == [1] * used
 
+    def test_a_visit_looked_back_at_later_is_still_the_same_visit(self) -> None:
+        """A sure look at a node and a doubtful one right after it are one visit, however late the robot looks back."""
+        place = Place()
+        heading, world = heading_of(place.map), changed(panorama_of(place.map, 0), 9)
+        drive = [(0, 7.0, Status.LOCALIZED), (0, 7.05, Status.AMBIGUOUS), *[(1, 9.0, Status.AMBIGUOUS)] * 10]
+        for node, reading, sure in [*drive, (2, 11.0, Status.LOCALIZED)]:
+            circle = world if node == 0 else panorama_of(place.map, node)
+            frame = replace(frame_of(circle), odometry=np.array([reading, 0.0, heading]))
+            estimate = Estimate(np.array([2.0 * node, 0.0, heading]), 0.01 * np.eye(3), node, 0.99, sure)
+            place.upkeep.after(frame, estimate, place.sensor.observe(frame).of_robot(frame.camera))
+        assert not place.upkeep.log
+
     def test_a_frame_that_matches_with_another_heading_does_not(self) -> None:
         place = Place()
         elsewhere = np.roll(changed(panorama_of(place.map, 1), 9), 60, axis=1)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from estimators import ParticleFilter
+from estimators import BestMatch, ParticleFilter
 from topoloc.behaviours import Engine, Localize, Position
 from topoloc.errors import InputError, UnknownName
 from topoloc.geometry import compose
@@ -172,6 +173,28 @@ def test_after_a_stop_the_last_position_stays_and_a_new_start_goes_on(engine: En
     with engine:
         engine.start(behaviour)
         assert wait_for(behaviour, 1.0).estimate.status is not Status.LOST
+
+
+def test_the_same_frame_again_is_no_news() -> None:
+    """A robot at rest may give one frame again and again; without an odometer nothing else would hold it back."""
+
+    class Counting(TrueEye):
+        looks = 0
+
+        def observe(self, frame: Frame) -> Evidence:
+            self.looks += 1
+            return super().observe(frame)
+
+    class Resting:
+        def look(self) -> Frame:
+            return replace(next(frames()), odometry=None)
+
+    eye = Counting()
+    behaviour = Localize(Resting(), MAP, eye, BestMatch())
+    behaviour.init()
+    for _ in range(5):
+        assert behaviour.action()
+    assert eye.looks == 1
 
 
 def test_what_ends_it_reaches_whoever_asks(engine: Engine) -> None:

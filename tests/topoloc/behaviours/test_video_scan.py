@@ -184,6 +184,23 @@ def test_an_engine_runs_it_to_its_end() -> None:
         engine.run(VideoScan(Stub(gain=0.0), 0.7), 60.0)
 
 
+def test_a_scan_may_be_run_again() -> None:
+    """After its end, and after a failure that somebody has mended, it begins with the first snapshot."""
+    robot = Stub()
+    scan = VideoScan(robot, 0.7, method_settings=UNFILTERED)
+    with Engine() as engine:
+        engine.run(scan, 60.0)
+        first, looks = scan.circle, len(robot.seen)
+        robot.gain = 0.0
+        with pytest.raises(UserError, match="does not turn"):
+            engine.run(scan, 60.0)
+        robot.gain = 1.0
+        robot.seen.clear()
+        engine.run(scan, 60.0)
+    assert scan.circle is not first
+    assert (len(robot.seen), len(scan.circle.headings)) == (looks, 12)
+
+
 @pytest.mark.parametrize("grey", [False, True])
 def test_a_filtered_panorama_says_so(grey: bool) -> None:
     """Of a camera that gives grey pictures, too."""
