@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help bench bench-quick speed test test-slow lint pictures realism accuracy reproduce constraints clean
+.PHONY: help bench bench-quick speed test test-slow lint pictures realism accuracy panoramas reproduce constraints clean
 
 help:
 	@echo "make bench        set up, then compare sensors and estimators in the simulated laboratory (about a minute)"
@@ -19,6 +19,7 @@ help:
 	@echo "make pictures     draw the pictures of the README and of docs/worlds.md again"
 	@echo "make realism      measure how hard the laboratory is, and write the table of docs/worlds.md (some minutes)"
 	@echo "make accuracy     measure how often each estimator is right, and write the tables of docs/estimators.md (minutes)"
+	@echo "make panoramas    measure how well panoramas close, and write the table of docs/panoramas.md (minutes)"
 	@echo "make reproduce    do all published experiments again, and write docs/experiments.md (about an hour)"
 	@echo "make constraints  write constraints.txt anew from the newest versions"
 
@@ -70,6 +71,9 @@ realism: $(VENV)/.installed
 
 accuracy: $(VENV)/.installed
 	@$(BIN)/python -m benchmarks.accuracy --write
+
+panoramas: $(VENV)/.installed
+	@$(BIN)/python -m benchmarks.panoramas --write
 
 reproduce: $(VENV)/.installed
 	@$(BIN)/topoloc reproduce all $$(test -d runs/reproduce-all && echo --resume || echo --out) runs/reproduce-all
