@@ -89,8 +89,9 @@ def draw(measured: Sequence[Measured], figure: Figure) -> None:
         for one in measured:
             axes.plot(one[column]["ahead"], one[column]["told"], ".", color=colour, markersize=2, alpha=0.5)
         axes.plot([-NEAR_M, NEAR_M], [-NEAR_M, NEAR_M], color="0.7", linewidth=0.8)
-        axes.set(title=column, xlabel="true place ahead of the node [m]", aspect="equal")
+        axes.set(title=column, aspect="equal")
     figure.axes[0].set(ylabel="told by the zoom [m]")
+    figure.axes[1].set(xlabel="true place ahead of the node along the heading [m]")
 
 
 def _rows(name: str) -> tuple[Quantity, ...]:
