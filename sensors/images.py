@@ -92,7 +92,7 @@ def camera_on_nodes(positions: Floats, headings: Floats, mount: Floats) -> Float
 def views_of(topo_map: TopoMap) -> Views:
     """The map's training views; where it has none, views cut from its panoramas every ``VIEW_STEP_DEG``.
 
-    A cut is a window of the panorama as it stands (its columns are frames as they are, DESIGN.md), one frame wide.
+    A cut is a window of the panorama as it stands, one frame wide; its columns are linear in angle, a frame's are not.
     """
     if topo_map.views:
         poses = np.array([view.pose for view in topo_map.views])
