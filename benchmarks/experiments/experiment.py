@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -139,7 +141,7 @@ def measure_seeds(experiment: Experiment, seeds: Sequence[int], folder: Path, jo
         jobs: processes, as joblib counts them.
 
     Raises:
-        InputError: a file there is of another experiment, seed or version of topoloc, or no measurement at all.
+        InputError: a file there is of another experiment, seed or code, or no measurement at all.
     """
     files = {seed: folder / f"{seed}.json" for seed in seeds}
     kept = {seed: _read(path, experiment.name, seed) for seed, path in files.items() if path.exists()}
@@ -151,23 +153,36 @@ def measure_seeds(experiment: Experiment, seeds: Sequence[int], folder: Path, jo
 def _measure(experiment: Experiment, seed: int, folder: Path) -> Measured:
     with threadpool_limits(1):
         measured = experiment.measure(seed)
-    text = json.dumps(
-        {"topoloc": version("topoloc"), "experiment": experiment.name, "seed": seed, "measured": measured}
-    )
+    text = json.dumps({**_origin(experiment.name, seed), "measured": measured})
     write_text(folder / f"{seed}.json", text)
     read: Measured = json.loads(text)["measured"]  # as it will be read again: no tuples, no numpy
     return read
+
+
+def _origin(name: str, seed: int) -> dict[str, str | int]:
+    """What a measurement is known by: numbers of other code in one table could not be told apart."""
+    return {"experiment": name, "seed": seed, "topoloc": version("topoloc"), "code": _code()}
+
+
+@cache
+def _code() -> str:
+    """A digest of all Python files of the four rooms."""
+    root, digest = Path(__file__).parents[2], hashlib.sha256()
+    for room in ("topoloc", "sensors", "estimators", "benchmarks"):
+        for file in sorted((root / room).rglob("*.py")):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:12]
 
 
 def _read(path: Path, name: str, seed: int) -> Measured:
     remedy = "delete it, or start anew with --out in another folder"
     try:
         held = json.loads(read_text(path, remedy))
-        found, measured = (held["experiment"], held["seed"], held["topoloc"]), held["measured"]
+        found, measured = {key: held[key] for key in _origin(name, seed)}, held["measured"]
     except (json.JSONDecodeError, KeyError, TypeError):
         raise InputError(path, "holds no measurement", remedy) from None
-    if found != (name, seed, version("topoloc")):
-        problem = f"is of the experiment {found[0]!r}, seed {found[1]}, topoloc {found[2]}"
-        raise InputError(path, problem, remedy)
+    for key, value in _origin(name, seed).items():
+        if found[key] != value:
+            raise InputError(path, f"was measured with another {key} ({found[key]}, not {value})", remedy)
     read: Measured = measured
     return read

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -81,19 +80,19 @@ def test_seeds_come_in_their_order_when_some_were_there(tmp_path: Path) -> None:
     assert [one["thesis"]["metres"] for one in measure_seeds(TOY, [10, 11, 12], tmp_path, 1)] == [10.0, 11.0, 12.0]
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "no json",
-        "[]",
-        json.dumps({"topoloc": "0.0", "experiment": "toy", "seed": 10, "measured": {}}),
-        json.dumps({"topoloc": version("topoloc"), "experiment": "toy", "seed": 9, "measured": {}}),
-        json.dumps({"topoloc": version("topoloc"), "experiment": "game", "seed": 10, "measured": {}}),
-    ],
-)
-def test_a_file_that_is_no_measurement_of_this(text: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", ["no json", "[]", "{}"])
+def test_a_file_that_is_no_measurement(text: str, tmp_path: Path) -> None:
     (tmp_path / "10.json").write_text(text)
-    with pytest.raises(InputError, match=r"10\.json.*delete it"):
+    with pytest.raises(InputError, match=r"10\.json.*no measurement.*delete it"):
+        list(measure_seeds(TOY, [10], tmp_path, 1))
+
+
+@pytest.mark.parametrize(("key", "value"), [("topoloc", "0.0"), ("seed", 9), ("experiment", "game"), ("code", "other")])
+def test_a_measurement_of_something_else(key: str, value: str | int, tmp_path: Path) -> None:
+    list(measure_seeds(TOY, [10], tmp_path, 1))
+    path = tmp_path / "10.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), key: value}))
+    with pytest.raises(InputError, match=rf"10\.json.*another {key} \({value}, not .*delete it"):
         list(measure_seeds(TOY, [10], tmp_path, 1))
 
 
