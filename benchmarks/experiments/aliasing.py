@@ -9,7 +9,7 @@ from benchmarks.experiments.bars import draw_bars
 from benchmarks.experiments.conditions import CONDITIONS, drives, tracked_drives
 from benchmarks.experiments.experiment import Experiment, Measured, Quantity
 from benchmarks.experiments.methods import METHODS
-from benchmarks.experiments.printed_steps import TABLE_5_7, node_of
+from benchmarks.experiments.printed_steps import TABLE_5_7
 from benchmarks.experiments.rivals import rivals, share_of
 from benchmarks.experiments.tracking import Tracked
 from benchmarks.worlds.lab import LabWorld
@@ -18,8 +18,6 @@ from topoloc.topo_map import TopoMap
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from estimators.activity import TrackerStep
-
 LAPS = 5.0
 
 
@@ -27,19 +25,11 @@ def measure(seed: int) -> Measured:
     """The printed step, and drives under each condition."""
     topo_map, result = LabWorld().layout(), {}
     for column, driven in tracked_drives(drives(seed, LAPS), METHODS).items():
-        _, tracker = METHODS[column].make()
-        values = _printed(TABLE_5_7.done_by(tracker, True), "")
-        values |= _printed(TABLE_5_7.done_by(tracker, False), " bare")
+        values = TABLE_5_7.measured(METHODS[column])
         for name, seen in driven.items():
             values |= {f"{key} {name}": value for key, value in _resolved(seen, topo_map).items()}
         result[column] = values
     return result
-
-
-def _printed(step: TrackerStep, suffix: str) -> dict[str, float]:
-    activity = step.destinations.activity
-    named = {f"{name}{suffix}": float(value) for name, value in zip(TABLE_5_7.activity, activity, strict=True)}
-    return {**named, f"won{suffix}": float(step.node == node_of("1"))}
 
 
 def _resolved(seen: Tracked, topo_map: TopoMap) -> dict[str, float]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.experiments.methods import Method
 from benchmarks.worlds.lab import LAB_PLACES, LabWorld
 from estimators.activity import ActivityTracker, Hypotheses, TrackerStep
 from topoloc.geometry import rotate
@@ -45,6 +46,20 @@ class PrintedStep:
         tracker.update(self._evidence(turned + off[:-1], with_headings))
         assert tracker.last is not None  # an update was just made
         return tracker.last
+
+    def measured(self, method: Method) -> dict[str, float]:
+        """Activities of the destinations, by id, and whether node 1, the right one in both tables, won.
+
+        First with the rebuilt headings, then without any, those keys ending in "bare".
+        """
+        values: dict[str, float] = {}
+        for suffix, with_headings in (("", True), (" bare", False)):
+            _, tracker = method.make()
+            step = self.done_by(tracker, with_headings)
+            activity = zip(self.activity, step.destinations.activity, strict=True)
+            values |= {f"{name}{suffix}": float(value) for name, value in activity}
+            values[f"won{suffix}"] = float(step.node == node_of("1"))
+        return values
 
     def _origins(self, with_headings: bool) -> Hypotheses:
         count = len(self.origins)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,9 +32,10 @@ def drive(metres: float, variance: float = 0.0) -> Motion:
     return Motion(np.array([metres, 0.0, 0.0]), np.diag([variance, variance, 0.0]))
 
 
-def tracker(**settings: object) -> ActivityTracker:
+def tracker(**settings: Any) -> ActivityTracker:
     """Known to stand on node 0, heading along x."""
-    config = ActivityTrackerConfig(**{"deviation": "fixed", "outlier_floor": 0.0, "reset": "offset", **settings})  # type: ignore[arg-type]
+    chosen: dict[str, Any] = {"deviation": "fixed", "outlier_floor": 0.0, "reset": "offset", **settings}
+    config = ActivityTrackerConfig(**chosen)
     made = ActivityTracker(config)
     made.reset(corridor(), np.random.default_rng(0))
     one = Hypotheses(np.array([0]), np.zeros(1), np.full(1, np.nan), np.ones(1), np.zeros(1, dtype=bool))
@@ -154,9 +157,9 @@ def test_published_reset_keeps_no_offset() -> None:
 
 
 @pytest.mark.parametrize("settings", [{"reset": "centre"}, {"parallax_m": -1.0}, {"parallax_m": np.inf}])
-def test_bad_settings(settings: dict[str, object]) -> None:
+def test_bad_settings(settings: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(settings))):
-        ActivityTrackerConfig(**settings)  # type: ignore[arg-type]
+        ActivityTrackerConfig(**settings)
 
 
 class TestHeadingAtTheStart:

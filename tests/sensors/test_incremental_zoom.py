@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -77,6 +79,6 @@ def test_without_a_scene_the_hypotheses_stay_on_the_nodes() -> None:
 
 
 @pytest.mark.parametrize("bad", [{"zoom_steps": 0}, {"scene_m": -1.0}])
-def test_bad_settings(bad: dict[str, float]) -> None:
+def test_bad_settings(bad: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(bad))):
-        IMAConfig(**bad)  # type: ignore[arg-type]
+        IMAConfig(**bad)

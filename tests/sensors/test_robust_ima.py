@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -174,6 +175,6 @@ def test_single_images_name_the_node_more_often_than_the_published_ima() -> None
     "bad",
     [{"slack_columns": -1}, {"slack_columns": 9}, {"contrast_columns": 0.0}, {"contrast_grey": 0.0}, {"zoom_steps": 0}],
 )
-def test_bad_settings(bad: dict[str, float]) -> None:
+def test_bad_settings(bad: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(bad))):
-        RobustIMAConfig(**bad)  # type: ignore[arg-type]
+        RobustIMAConfig(**bad)

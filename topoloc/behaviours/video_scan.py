@@ -77,23 +77,23 @@ class ScanSettings:
 
 
 class Reconstruction(Protocol):
-    """What a method of ``topoloc.panoramas`` makes of snapshots.
-
-    Attributes:
-        image: uint8 (rows, columns[, 3]), a full circle, columns clockwise, black where no snapshot lies.
-        headings: (S,) of each snapshot's optical axis [rad, ccw].
-        heading: of the left edge of the first column [rad, ccw].
-        filled: share of the columns that some snapshot covers.
-    """
+    """What a method of ``topoloc.panoramas`` makes of snapshots."""
 
     @property
-    def image(self) -> Image: ...  # noqa: D102
+    def image(self) -> Image:
+        """Full circle, uint8 (rows, columns[, 3]), columns clockwise, black where no snapshot lies."""
+
     @property
-    def headings(self) -> Floats: ...  # noqa: D102
+    def headings(self) -> Floats:
+        """(S,) of each snapshot's optical axis [rad, ccw]."""
+
     @property
-    def heading(self) -> float: ...  # noqa: D102
+    def heading(self) -> float:
+        """Of the left edge of the first column [rad, ccw]."""
+
     @property
-    def filled(self) -> float: ...  # noqa: D102
+    def filled(self) -> float:
+        """Share of the columns that some snapshot covers."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from cyclopts.validators import Number
 
 if TYPE_CHECKING:
     from topoloc.interfaces import Sensor, Upkeep
-    from topoloc.localizer import Step
+    from topoloc.localizer import Localizer, Step
     from topoloc.metrics import Run
     from topoloc.recording import Recording
     from topoloc.topo_map import TopoMap
@@ -51,7 +51,6 @@ def localize(
     from contextlib import nullcontext
 
     from topoloc import plugins
-    from topoloc.cli.progress import track
     from topoloc.files import new_folder, refuse_to_overwrite
     from topoloc.localizer import Localizer
     from topoloc.recording import Recording
@@ -72,20 +71,26 @@ def localize(
         new_folder(output, overwrite, owned=OUTPUTS) as folder,
         nullcontext() if upkeep is None else new_folder(upkeep) as map_folder,
     ):
-        localizer = Localizer(the_map, eye, mind, rng=seed, upkeep=keeper)
-        steps = []
-        for picture in track(drive.pictures[drive.kind], "localizing"):
-            localizer.step(drive.frame(picture))
-            assert localizer.last is not None  # a step was just made
-            steps.append(localizer.last)
-        _refuse_darkness(drive, steps)
+        steps = _localized(drive, Localizer(the_map, eye, mind, rng=seed, upkeep=keeper))
         run = _write(folder, the_map, drive, steps, f"{sensor} with {estimator}")
         if keeper is not None and map_folder is not None:
             _write_map(map_folder, keeper)
     _report(output, steps, run)
     if keeper is not None:
-        names = ", ".join(the_map.nodes[node].id for node in sorted(keeper.before)) or "none"
-        print(f"{upkeep}: the map; panoramas refreshed: {names}")
+        print(f"{upkeep}: the map; panoramas refreshed: {_refreshed(keeper)}")
+
+
+def _localized(drive: Recording, localizer: Localizer) -> list[Step]:
+    """A step for each frame of a recording."""
+    from topoloc.cli.progress import track
+
+    steps = []
+    for picture in track(drive.pictures[drive.kind], "localizing"):
+        localizer.step(drive.frame(picture))
+        assert localizer.last is not None  # a step was just made
+        steps.append(localizer.last)
+    _refuse_darkness(drive, steps)
+    return steps
 
 
 def _keeper(the_map: TopoMap, eye: Sensor, settings: Mapping[str, Any] | None, folders: tuple[Path, Path]) -> Upkeep:
@@ -113,6 +118,11 @@ def _write_map(folder: Path, keeper: Upkeep) -> None:
     names = [Path(row["panorama"]).name for _, row in written]
     for node, panorama in keeper.before.items():
         write_image(folder / BEFORE / names[node], panorama)
+
+
+def _refreshed(keeper: Upkeep) -> str:
+    """Ids of the nodes whose panorama is another now."""
+    return ", ".join(keeper.topo_map.nodes[node].id for node in sorted(keeper.before)) or "none"
 
 
 def _refuse_blindness(drive: Recording, name: str, eye: Sensor) -> None:
