@@ -289,7 +289,7 @@ def _print_tables(rows: Sequence[Row]) -> None:
     for scenario in dict.fromkeys(row.scenario for row in rows):
         own = [row for row in rows if row.scenario == scenario]
         sensors = list(dict.fromkeys(row.sensor for row in own))
-        title = f"{escape(scenario)} (simulated): node accuracy, median position error"
+        title = f"{escape(scenario)} (simulated): node accuracy, median position error in m"
         heads = ("", *map(escape, sensors))
         table = Table(*heads, title=title, title_justify="left", box=box.SIMPLE, padding=(0, 2, 0, 0))
         for estimator in dict.fromkeys(row.estimator for row in own):
@@ -301,4 +301,4 @@ def _print_tables(rows: Sequence[Row]) -> None:
 def _screen_cell(accuracy: Summary | None, position: Summary | None) -> str:
     if accuracy is None or position is None:
         return ""
-    return accuracy.text() if position.mean is None else f"{accuracy.text()}  {position.mean:.2f} m"
+    return accuracy.text() if position.mean is None else f"{accuracy.text()}  {position.mean:.2f}"
