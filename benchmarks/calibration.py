@@ -16,7 +16,10 @@ from scipy.optimize import minimize
 from scipy.special import i0e
 
 from benchmarks.worlds import LabWorld, Simulation, WorldSettings
+from sensors.calibration import Queries, likeliest_scale, log_density, spacing_of
+from sensors.calibration import Scale as ViewScale
 from sensors.ima import IMAConfig
+from sensors.images import views_of
 from topoloc import plugins
 from topoloc.estimate import EstimateRule, agreement, node_masses, sureness
 from topoloc.geometry import Floats, wrap
@@ -31,6 +34,8 @@ NEAR_M, NEAR_DEG = 0.5, 25.0
 """A hypothesis is right within this distance of the truth [m]; its heading is, within this turn [degrees]."""
 NEAR_ZOOMED_M = 0.8
 """The same for the node of a hypothesis that zoom may place off it [m]."""
+VIEW_SENSORS = ("histogram", "pca", "local", "descriptor")
+"""That compare with views cut from panoramas, where a map has no others."""
 RULE_SENSORS = ("ima", "histogram")
 """Whose drives the estimators' rules are fitted on: one that matches panoramas and one that matches views."""
 WORLDS = (
@@ -87,6 +92,29 @@ def fit_scale(seen: Sequence[Drive]) -> Scale:
     share = float(hit.mean())
     margin = (np.log(share / (1.0 - share)) - intercept) / slope
     return Scale(float(slope), float(margin), share, float(np.std(np.concatenate(headings))))
+
+
+VIEWS_START = ViewScale(slope=5.0, level=0.0, sigma_m=0.6, kappa=20.0, log_floor=-1.5)
+
+
+def fit_views(seen: Sequence[Drive]) -> ViewScale:
+    """The scale of a sensor that compares with views cut from panoramas, as ``sensors/calibration.py`` fits it.
+
+    The cuts stand equally dense around all nodes, and are taken to be so.
+    """
+    rows = []
+    for drive in seen:
+        for frame, pose in zip(drive.simulation.frames, drive.simulation.truth, strict=True):
+            evidence = drive.evidence[frame.timestamp].of_robot(frame.camera)
+            if not evidence.is_blind:
+                apart = np.linalg.norm(evidence.poses[:, :2] - pose[:2], axis=1)
+                rows.append((evidence.match - drive.sensor.base_match, apart, evidence.poses[:, 2] - pose[2]))
+    topo_map = seen[0].simulation.topo_map
+    score, apart, turn = (np.array(part) for part in zip(*rows, strict=True))
+    density = log_density(views_of(topo_map).poses, VIEWS_START.sigma_m, VIEWS_START.kappa).mean()
+    area = len(topo_map.nodes) * spacing_of(topo_map.positions) ** 2
+    queries = Queries(score, np.full(score.shape, density), apart, turn)
+    return likeliest_scale(queries, area, VIEWS_START, with_slope=True, with_heading=True)
 
 
 def fit_heading(seen: Sequence[Drive], most: float) -> tuple[float, float]:
@@ -205,17 +233,20 @@ def logistic(features: Floats, right: np.ndarray, ridge: float = 0.0) -> Floats:
 def main() -> None:
     """Print the scale of each sensor, and the rule of each estimator."""
     drives = []
-    for name in ("ima", "ima-robust", "histogram"):
+    for name in ("ima", "ima-robust", *VIEW_SENSORS):
         seen = [watched(name, world, seed) for world in WORLDS for seed in SEEDS]
         drives += seen if name in RULE_SENSORS else []
+        if name in VIEW_SENSORS:
+            views = fit_views(seen)
+            print(f"{name}: margin {-views.level / views.slope:.3f}, {views}")
+            continue
         scale = fit_scale(seen)
         print(
             f"{name}: slope {scale.slope:.1f}, margin {scale.margin:.3f} "
             f"({scale.right_share:.1%} of the hypotheses right, heading sd {scale.heading_sd_deg:.1f} degrees)"
         )
-        if name.startswith("ima"):  # a view's heading and place are its own, whatever the match
-            fall, margin = fit_heading(seen, IMAConfig().kappa)
-            print(f"{name}: kappa_fall {fall:.1f}, sure_margin {margin:.3f}; {fit_place(seen)}")
+        fall, margin = fit_heading(seen, IMAConfig().kappa)
+        print(f"{name}: kappa_fall {fall:.1f}, sure_margin {margin:.3f}; {fit_place(seen)}")
     for name in plugins.names(plugins.ESTIMATORS):
         print(f"{name}: {fit_rule(name, drives)}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,7 @@ import cv2
 import numpy as np
 
 from topoloc.geometry import Floats, compose, wrap
-from topoloc.topo_map import Camera, TopoMap
+from topoloc.topo_map import Camera, TopoMap, View
 from topoloc.types import Image, Ints
 
 VIEW_STEP_DEG = 15.0
@@ -43,6 +44,30 @@ def clahe(image: Image, clip_limit: float, tiles: int, hfov_deg: float | None = 
     return _image(filtered[:, margin : margin + columns])
 
 
+def equalised(image: Image) -> Image:
+    """Histogram equalisation of a grey picture (second seed, 5)."""
+    return _image(cv2.equalizeHist(image))
+
+
+def gradient(image: Image) -> Image:
+    """Size of the grey-level gradient (second seed, 6.2: "a gradient-based filter", which is not named; rebuilt).
+
+    Sobel's operator of 3 x 3 pixels; a step from black to white gives 255.
+    """
+    across, down = (cv2.Sobel(image, cv2.CV_32F, *order, ksize=3, scale=0.25) for order in ((1, 0), (0, 1)))
+    size = np.sqrt(across * across + down * down)  # exact, which cv2.magnitude is not: it differs by the array's place
+    return _image(np.minimum(size, 255.0).round())
+
+
+PREPROCESSING: dict[str, Callable[[Image], Image]] = {
+    "plain": lambda image: image,
+    "equalised": equalised,
+    "gradient": gradient,
+    "clahe": lambda image: clahe(image, 2.0, 8),
+}
+"""What may be done to a grey picture against changes of the light, by name."""
+
+
 def resize(image: Image, columns: int, rows: int) -> Image:
     """Scale by averaging areas, which does not alias."""
     return _image(cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA))
@@ -70,6 +95,11 @@ class Views:
     poses: Floats
     images: list[Image]
     on_nodes: bool
+
+    def and_more(self, views: Sequence[View]) -> Views:
+        """These and further training views."""
+        poses = np.concatenate([self.poses, *(view.pose[None] for view in views)])
+        return Views(poses, [*self.images, *(view.image for view in views)], self.on_nodes)
 
     def camera_poses(self, chosen: Ints, mount: Floats) -> Floats:
         """Poses (N, 3) of the camera for the chosen views, of a camera at ``mount`` (3,) on the robot."""

@@ -1,0 +1,111 @@
+"""What sensors have in common that make one descriptor of a picture and compare it with those of a map's views."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sensors.images import Views, grey, views_of
+from sensors.neighbourhood import BASE_MATCH, NeighbourConfig, Neighbourhood
+from topoloc.errors import UserError
+from topoloc.geometry import Floats
+from topoloc.topo_map import TopoMap
+from topoloc.types import Evidence, Frame, Image, Ints, Pixels
+
+Pictures = Mapping[str, Pixels]
+"""By kind, as in ``Frame.images``."""
+
+
+@dataclass(frozen=True)
+class ViewConfig(NeighbourConfig):
+    """Settings of sensors that make one descriptor of a picture.
+
+    Attributes:
+        blind_deviation: a picture whose grey levels deviate less says nothing: a covered lens [grey levels].
+    """
+
+    blind_deviation: float = 6.0
+
+
+class ViewSensor(ABC):
+    """A frame's descriptor, the nearest of the map's views by a distance, and their poses as hypotheses.
+
+    Subclasses say what a descriptor is and how far two are apart.
+    """
+
+    Config: ClassVar[type[ViewConfig]] = ViewConfig
+    needs: frozenset[str] = frozenset({"rgb"})
+    base_match: ClassVar[float] = BASE_MATCH
+
+    def __init__(self, config: Any = None) -> None:
+        self.config: Any = self.Config() if config is None else config
+        self._topo_map: TopoMap | None = None
+        self._views: Views | None = None
+
+    @abstractmethod
+    def describe(self, pictures: Pictures) -> Floats:
+        """Descriptor of one frame's pictures. Raises ``RuntimeError`` for a sensor that first has to know a map."""
+
+    @abstractmethod
+    def distances(self, queries: Floats, others: Floats) -> Floats:
+        """Distances (Q, V) between descriptors (Q, ...) and (V, ...)."""
+
+    def fit(self, topo_map: TopoMap) -> None:
+        """Descriptors of the map's views, or of views cut from its panoramas, and the scale of their distances.
+
+        Raises:
+            UserError: the map has not what is needed.
+        """
+        views = self._views_of(topo_map)
+        self._descriptors = self._learn([self._pictures(views, index) for index in range(len(views.images))])
+        self._settle(topo_map, views)
+
+    def observe(self, frame: Frame) -> Evidence:
+        """The nearest views as hypotheses; blind for a picture without contrast."""
+        if self._views is None:
+            raise RuntimeError(f"{type(self).__name__} knows no map yet: call fit(topo_map) before observe(frame)")
+        if self._is_blind(frame.images):
+            return Evidence.blind()
+        distance = self.distances(self.describe(frame.images)[None], self._descriptors)[0]
+        chosen = self._neighbourhood.nearest(distance)
+        poses = self._views.camera_poses(chosen, frame.camera)
+        return self._neighbourhood.evidence(chosen, distance[chosen], poses)
+
+    def distances_between(self, images: Sequence[Image]) -> Floats:
+        """Distances (N, N) of pictures among each other, without a map."""
+        own = self._learn([dict.fromkeys(self.needs, image) for image in images])
+        return self.distances(own, own)
+
+    def _settle(self, topo_map: TopoMap, views: Views) -> None:
+        """Take views whose descriptors are known as those to compare with."""
+        self._topo_map, self._views = topo_map, views
+        self._neighbourhood = Neighbourhood(
+            topo_map, views.poses, self._between, self.config, held_out_works=not views.on_nodes
+        )
+
+    def _views_of(self, topo_map: TopoMap) -> Views:
+        """What the sensor trains on."""
+        views = views_of(topo_map)
+        if not views.images:
+            raise UserError(
+                f"map {topo_map.name!r}: {type(self).__name__} needs training views or panoramas; add either"
+            )
+        return views
+
+    def _pictures(self, views: Views, index: int) -> Pictures:
+        """The pictures of one view."""
+        return {"rgb": views.images[index]}
+
+    def _learn(self, views: Sequence[Pictures]) -> Floats:
+        """Descriptors (V, ...) of the views; a sensor that must know all before it describes one learns them here."""
+        return np.stack([self.describe(pictures) for pictures in views])
+
+    def _is_blind(self, pictures: Pictures) -> bool:
+        return bool(grey(pictures["rgb"]).std() < self.config.blind_deviation)
+
+    def _between(self, rows: Ints) -> Floats:
+        return self.distances(self._descriptors[rows], self._descriptors)
