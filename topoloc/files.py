@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -19,6 +20,15 @@ from topoloc.types import Depth, Image, Pixels
 
 PICTURE_ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm")
 """Files that end so, in small letters or capitals, are taken for pictures where a folder is looked through."""
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """The picture files of a folder, 2.jpg before 10.jpg, as cameras number them."""
+    return sorted((path for path in folder.iterdir() if path.suffix.lower() in PICTURE_ENDINGS), key=_in_order)
+
+
+def _in_order(path: Path) -> list[tuple[int, str]]:
+    return [(int(word), "") if word.isdecimal() else (-1, word) for word in re.split(r"(\d+)", path.name)]
 
 
 @contextmanager

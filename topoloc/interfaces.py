@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
 
+    from topoloc.geometry import Floats
     from topoloc.topo_map import TopoMap
     from topoloc.types import Estimate, Evidence, Frame, Image, Motion, WeightedPoses
 
@@ -26,6 +27,14 @@ class Sensor(Protocol):
 
     def observe(self, frame: Frame) -> Evidence:
         """Evidence about the camera's pose (heading = optical axis). Pure: the same frame gives the same evidence."""
+
+
+@runtime_checkable
+class ImageComparison(Protocol):
+    """A sensor that can tell how alike two images are, without a map; ``topoloc map layout`` asks for one."""
+
+    def distances_between(self, images: Sequence[Image]) -> Floats:
+        """Distances (N, N) of images among each other, symmetric, 0 between equal ones."""
 
 
 class Estimator(Protocol):

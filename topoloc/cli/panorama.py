@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -103,19 +102,14 @@ def _report(output: Path, made: Any, names: Sequence[str]) -> None:
         print(f"warning: {note}", file=sys.stderr)
 
 
-def _in_order(path: Path) -> list[tuple[int, str]]:
-    """Sorts 2.jpg before 10.jpg, as cameras number them."""
-    return [(int(word), "") if word.isdecimal() else (-1, word) for word in re.split(r"(\d+)", path.name)]
-
-
 def _read_snapshots(folder: Path) -> tuple[list[Path], list[Image]]:
     """The pictures of a folder in file order, all of one size; anything else is a mistake that names the file."""
     from topoloc.errors import InputError
-    from topoloc.files import PICTURE_ENDINGS, read_image
+    from topoloc.files import pictures_in, read_image
 
     if not folder.is_dir():
         raise InputError(folder, "no such folder", "name a folder of pictures")
-    files = sorted((p for p in folder.iterdir() if p.suffix.lower() in PICTURE_ENDINGS), key=_in_order)
+    files = pictures_in(folder)
     if len(files) < 2:
         raise InputError(folder, f"holds {len(files)} pictures", "a panorama needs two or more that overlap")
     pictures = [read_image(path) for path in files]
