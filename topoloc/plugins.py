@@ -9,9 +9,10 @@ from typing import Any
 
 from topoloc.errors import UnknownName, UserError
 from topoloc.interfaces import Estimator, Sensor
+from topoloc.sensor_names import SensorName, parse
 from topoloc.settings import Setting, build, explained, refuse_unknown
 
-SENSORS, ESTIMATORS = "topoloc.sensors", "topoloc.estimators"
+SENSORS, ESTIMATORS, FUSIONS = "topoloc.sensors", "topoloc.estimators", "topoloc.fusions"
 WORLDS, PANORAMAS, COMMANDS = "topoloc.worlds", "topoloc.panoramas", "topoloc.commands"
 EXPERIMENTS, UNWRAPPERS, UPKEEPS = "topoloc.experiments", "topoloc.unwrappers", "topoloc.upkeeps"
 
@@ -28,7 +29,7 @@ def load(group: str, name: str) -> Any:
         UnknownName: nothing in the group is called so; the message lists what is.
         UserError: it needs a library that is not installed.
     """
-    what = group.rpartition(".")[2].removesuffix("s")
+    what = _kind(group)
     found: dict[str, EntryPoint] = {point.name: point for point in entry_points(group=group)}
     if name not in found:
         raise UnknownName(what, name, sorted(found))
@@ -38,13 +39,19 @@ def load(group: str, name: str) -> Any:
         raise UserError(f"the {what} {name!r} needs the package {error.name!r}; install it with pip") from error
 
 
-def make(group: str, name: str, settings: Mapping[str, Any] | None = None) -> Any:
+def _kind(group: str) -> str:
+    """What a thing of a group is called."""
+    return group.rpartition(".")[2].removesuffix("s")
+
+
+def make(group: str, name: str, settings: Mapping[str, Any] | None = None, *given: Any) -> Any:
     """An instance of the class of that name.
 
     Args:
         group: of entry points.
         name: of the class.
         settings: go into its ``Config`` dataclass, unknown ones refused; a class without one takes none.
+        given: goes before the config, for a class that takes more than settings.
 
     Raises:
         UserError: settings that are unknown, or that the dataclass or the class refuses.
@@ -53,18 +60,72 @@ def make(group: str, name: str, settings: Mapping[str, Any] | None = None) -> An
     where = f"settings of {name}"
     if not hasattr(cls, "Config"):
         refuse_unknown(settings or {}, set(), where)
-        return cls()
+        return cls(*given)
     config = build(cls.Config, settings or {}, where)
     try:
-        return cls(config)
+        return cls(*given, config)
     except ValueError as error:
         raise UserError(f"{where}: {error}; correct the value") from None
 
 
 def make_sensor(name: str, settings: Mapping[str, Any] | None = None) -> Sensor:
-    """A sensor model by name; see ``topoloc list`` for the names."""
-    sensor: Sensor = make(SENSORS, name, settings)
-    return sensor
+    """A sensor model by name; see ``topoloc list`` for the names, and ``topoloc.sensor_names`` for several as one.
+
+    Args:
+        name: of a sensor, or of a fusion of several: ``ima+histogram``, ``mix(pca,disparity)``.
+        settings: of the sensor; for a fusion its own, and tables by name of what is fused at any depth.
+
+    Raises:
+        UserError: a name or a setting that nothing has.
+    """
+    found, settings = parse(known_sensor(name)), settings or {}
+    if not found.parts:
+        sensor: Sensor = make(SENSORS, found.name, settings)
+        return sensor
+    refuse_unknown(settings, set(sensor_settings(name)), f"settings of {found}")
+    inner = {part.name for part in found.inner()}
+    return _fused(found, {key: value for key, value in settings.items() if key not in inner}, settings)
+
+
+def _fused(name: SensorName, own: Mapping[str, Any], tables: Mapping[str, Any]) -> Sensor:
+    """A fusion with settings of its own; what is fused finds its own in tables."""
+    parts = []
+    for part in name.parts:
+        theirs = tables.get(part.name, {})
+        parts.append(_fused(part, theirs, tables) if part.parts else make(SENSORS, part.name, theirs))
+    fusion: Sensor = make(FUSIONS, name.name, own, parts)
+    return fusion
+
+
+def sensor_settings(name: str) -> dict[str, Any]:
+    """Each setting that ``make_sensor`` takes for a name, with its default; those of what is fused in tables by name.
+
+    Raises:
+        UserError: a name that nothing has, or that needs a library that is not installed.
+    """
+    found = parse(known_sensor(name))
+    return {**_options_of(found), **{part.name: _options_of(part) for part in found.inner()}}
+
+
+def _options_of(name: SensorName) -> dict[str, Any]:
+    return options(load(FUSIONS if name.parts else SENSORS, name.name))
+
+
+def known_sensor(name: str) -> str:
+    """The name of a sensor, or of a fusion, as it is spelled shortest; nothing is loaded.
+
+    Raises:
+        UserError: it is not well formed, or names what is not installed.
+    """
+    found = parse(name)
+    for one in (found, *found.inner()):
+        group = FUSIONS if one.parts else SENSORS
+        if one.name in names(group):
+            continue
+        if not one.parts and one.name in names(FUSIONS):
+            raise UserError(f"{one} fuses sensors, and none is named; write {one}(ima,histogram), say")
+        raise UnknownName(_kind(group), one.name, names(group))
+    return str(found)
 
 
 def make_estimator(name: str, settings: Mapping[str, Any] | None = None) -> Estimator:

@@ -73,7 +73,7 @@ def bench(
 
     Args:
         scenarios: Names of scenarios; all by default.
-        sensors: Names of sensor models; all that are installed by default.
+        sensors: Names of sensor models, or of several as one: a+b, 'mix(a,b)'; each that is installed by default.
         estimators: Names of estimators; all that are installed by default.
         seeds: Drives of each scenario.
         updates: Frames of each drive.
@@ -111,14 +111,14 @@ def _choose(
     seeds: int,
     updates: int,
 ) -> Choice:
-    """What to run, names checked. Raises ``UnknownName``."""
+    """What to run, names checked. Raises ``UserError``."""
     from benchmarks.scenarios import default_scenarios
-    from topoloc.plugins import ESTIMATORS, SENSORS, names
+    from topoloc.plugins import ESTIMATORS, SENSORS, known_sensor, names
 
     known = sorted(names(SENSORS), key=lambda name: (name != DRAWN_SENSOR, name))
     return Choice(
         scenarios=_known("scenario", scenarios, [scenario.name for scenario in default_scenarios()]),
-        sensors=_known("sensor", sensors, known),
+        sensors=tuple(dict.fromkeys(map(known_sensor, sensors or known))),
         estimators=_known("estimator", estimators, names(ESTIMATORS)),
         seeds=seeds,
         updates=updates,
@@ -175,7 +175,7 @@ def _write_config(folder: Path, choice: Choice, suite: Suite) -> None:
 
 def _config(choice: Choice, suite: Suite) -> dict[str, Any]:
     """The resolved settings, the versions and the machine: what somebody needs who repeats the run."""
-    from topoloc.plugins import ESTIMATORS, SENSORS
+    from topoloc.plugins import ESTIMATORS, load, options, sensor_settings
 
     config = {
         "run": {
@@ -187,8 +187,8 @@ def _config(choice: Choice, suite: Suite) -> dict[str, Any]:
         "versions": {"python": platform.python_version(), **dict(_versions())},
         "machine": {"system": platform.platform(), "cores": os.cpu_count()},
         "scenarios": {s.name: {"description": s.description, **s.settings} for s in suite.scenarios},
-        "sensors": {name: _defaults(SENSORS, name) for name in suite.sensors},
-        "estimators": {name: _defaults(ESTIMATORS, name) for name in suite.estimators},
+        "sensors": {name: _defaults(sensor_settings, name) for name in suite.sensors},
+        "estimators": {name: _defaults(lambda one: options(load(ESTIMATORS, one)), name) for name in suite.estimators},
     }
     return dict(_plain(config))
 
@@ -214,11 +214,9 @@ def _versions() -> Iterator[tuple[str, str]]:
             yield package, version(package)
 
 
-def _defaults(group: str, name: str) -> Mapping[str, Any]:
-    from topoloc.plugins import load, options
-
+def _defaults(settings_of: Callable[[str], Mapping[str, Any]], name: str) -> Mapping[str, Any]:
     try:
-        return options(load(group, name))
+        return settings_of(name)
     except UserError:  # a package is missing: its rows will say so
         return {}
 

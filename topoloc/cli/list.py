@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from topoloc.settings import Setting
 
-Kind = Literal["sensors", "estimators", "worlds", "panoramas", "upkeeps", "experiments", "commands"]
+Kind = Literal["sensors", "fusions", "estimators", "worlds", "panoramas", "upkeeps", "experiments", "commands"]
 FEWEST_SHARED = 6
 """Fewer settings that all things of a kind share are not worth a table of their own."""
 

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 OUTPUTS = ("trajectory.txt", "steps.csv", "plan.png", "metrics.json")
 BEFORE = "before"
 """Folder of a refreshed map that holds the panoramas as they were."""
+SETTINGS_HELP = (
+    "sensor.KEY=VALUE or estimator.KEY=VALUE, as 'topoloc list' names them; sensor.NAME.KEY=VALUE for one of several."
+)
 STEP_COLUMNS = ("timestamp", "x", "y", "heading_deg", "node", "probability", "status", "match", "kind")
 
 
@@ -27,12 +30,12 @@ def localize(
     recording: Annotated[Path, Parameter(help="Recording folder, TUM RGB-D layout.")],
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder to make.")],
-    sensor: Annotated[str, Parameter(help="See 'topoloc list sensors'.")] = "ima",
+    sensor: Annotated[str, Parameter(help="See 'topoloc list sensors'; several as one: a+b, 'mix(a,b)'.")] = "ima",
     estimator: Annotated[str, Parameter(help="See 'topoloc list estimators'.")] = "activity",
     seed: Annotated[int, Parameter(help="Of the estimator's random numbers.", validator=Number(gte=0))] = 0,
     settings: Annotated[
         tuple[str, ...],
-        Parameter(name="--set", help="sensor.KEY=VALUE or estimator.KEY=VALUE, as 'topoloc list' names them."),
+        Parameter(name="--set", help=SETTINGS_HELP),
     ] = (),
     upkeep: Annotated[
         Path | None,
