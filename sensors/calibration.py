@@ -45,8 +45,9 @@ SAME_PLACE = 0.1
 """Views nearer than this share of the spacing to each other are from one position."""
 KAPPAS = 0.5, 400.0
 """Concentrations that can be told from a map's views."""
-PRIOR = 1e-4
-"""Weight of the squared distance from the start: what the queries do not tell stays where it was."""
+PRIORS = np.array([2e-2, 1e-4, 1e-4, 1e-4])
+"""Weights of the squared distance from the start, of log slope, log sigma, log kappa and floor: what the queries do not
+tell stays where it was. The slope is held more: the map's own views know nothing of other light."""
 
 
 @dataclass(frozen=True)
@@ -202,12 +203,15 @@ def likeliest_scale(queries: Queries, area_m2: float, start: Scale, with_slope: 
         area_m2: that the map covers [m^2].
         start: where the search begins; its level does not count.
         with_slope: whether the slope is to be found as well; else it is kept.
-        with_heading: whether the hypotheses tell headings; else kappa is kept.
+        with_heading: whether the hypotheses tell headings; else kappa is kept. Held-out views have just the headings
+            of the others, so kappa is at most what headings anywhere within a step of them have: 12 times ``kappa_of``,
+            with which the search begins.
     """
+    sharpest = min(12.0 * start.kappa, KAPPAS[1])
 
     def parts(parameters: Floats) -> tuple[float, float, float, float]:
         slope = float(np.exp(parameters[0])) if with_slope else start.slope
-        kappa = float(np.exp(np.clip(parameters[2], *np.log(KAPPAS)))) if with_heading else 0.0
+        kappa = float(np.exp(np.clip(parameters[2], np.log(KAPPAS[0]), np.log(sharpest)))) if with_heading else 0.0
         return slope, float(np.exp(parameters[1])), kappa, float(parameters[3])
 
     def logs(parameters: Floats) -> tuple[Floats, Floats]:
@@ -221,7 +225,7 @@ def likeliest_scale(queries: Queries, area_m2: float, start: Scale, with_slope: 
 
     def loss(parameters: Floats) -> float:
         there, mean = logs(parameters)
-        return float(np.mean(mean - there)) + PRIOR * float(np.sum((parameters - first) ** 2))
+        return float(np.mean(mean - there)) + float(PRIORS @ (parameters - first) ** 2)
 
     middle = float(queries.score.mean())  # slope and floor are then told apart more easily
     first = np.array([np.log(max(start.slope, 1e-3)), np.log(start.sigma_m), np.log(max(start.kappa, 1.0)), -2.0])

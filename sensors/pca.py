@@ -41,6 +41,8 @@ class PCAMapConfig(ViewConfig):
     preprocessing: Preprocessing = "equalised"
     columns: int = 64
     memory_mb: float = 1000.0
+    slope: float = 20.0
+    margin: float = -0.13
 
     def __post_init__(self) -> None:
         super().__post_init__()

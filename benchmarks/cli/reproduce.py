@@ -82,7 +82,8 @@ def _print(experiment: Experiment, seeds: Sequence[int], measured: Sequence[Meas
     from benchmarks.experiments.experiment import columns_of, lines_of
 
     console = Console(markup=False, emoji=False, highlight=False)
-    console.print(f"{experiment.title} (thesis {experiment.source}; simulated, seeds: {len(measured)})", style="bold")
+    told = f"{experiment.document} {experiment.source}; simulated, seeds: {len(measured)}"
+    console.print(f"{experiment.title} ({told})", style="bold")
     columns = columns_of(measured)
     table = Table("", "published", "where", *columns, box=box.SIMPLE, padding=(0, 1, 0, 0))
     lines = lines_of(experiment, measured)
@@ -123,9 +124,9 @@ def _print_list() -> None:
     from topoloc import plugins
 
     console = Console(markup=False, emoji=False, highlight=False)
-    table = Table("name", "what it is", "thesis")
+    table = Table("name", "what it is", "published in")
     for name in plugins.names(plugins.EXPERIMENTS):
         experiment: Experiment = plugins.load(plugins.EXPERIMENTS, name)
-        table.add_row(name, experiment.title, experiment.source)
+        table.add_row(name, experiment.title, f"{experiment.document} {experiment.source}")
     console.print(table)
     console.print("topoloc reproduce NAME does one of them; topoloc reproduce all does all")

@@ -1,4 +1,4 @@
-"""Writes what a run of ``topoloc reproduce all`` gave into docs/experiments.md: ``make reproduce``."""
+"""Writes what a run of ``topoloc reproduce all`` gave into the pages of the experiments: ``make reproduce``."""
 
 from __future__ import annotations
 
@@ -21,47 +21,72 @@ from benchmarks.experiments.picture import write_figure
 from topoloc import plugins
 from topoloc.files import write_text
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "experiments.md"
-PICTURES = DOCUMENT.parent / "pictures" / "experiments"
+DOCS = Path(__file__).parents[2] / "docs"
+PICTURES = DOCS / "pictures" / "experiments"
 BEGIN, END = "<!-- written by make reproduce -->\n", "<!-- end -->\n"
 """What the tables stand between."""
-ORDER = (
-    "person",
-    "door",
-    "panorama-slots",
-    "panorama-step",
-    "turning",
-    "slots",
-    "heading",
-    "heading-off-node",
-    "zoom",
-    "dead-reckoning",
-    "kidnapping",
-    "old-panoramas",
-    "people",
-    "aliasing",
-    "virtual-destination",
-    "heading-correction",
-    "corridor",
-    "no-zoom",
-    "random-routes",
-    "incremental-zoom",
-    "odometry-reset",
-    "robust-matching",
-    "map-upkeep",
-)
-"""As the thesis has them, ours last."""
+THESIS_PAGE, APPEARANCE_PAGE = "experiments.md", "appearance_experiments.md"
+PAGES: dict[str, tuple[str, ...]] = {
+    THESIS_PAGE: (
+        "person",
+        "door",
+        "panorama-slots",
+        "panorama-step",
+        "turning",
+        "slots",
+        "heading",
+        "heading-off-node",
+        "zoom",
+        "dead-reckoning",
+        "kidnapping",
+        "old-panoramas",
+        "people",
+        "aliasing",
+        "virtual-destination",
+        "heading-correction",
+        "corridor",
+        "no-zoom",
+        "random-routes",
+        "incremental-zoom",
+        "odometry-reset",
+        "robust-matching",
+        "map-upkeep",
+    ),
+    APPEARANCE_PAGE: (
+        "active-vision",
+        "illumination-ratio",
+        "disparity-localization",
+        "signature-distance",
+        "map-layout",
+        "map-layout-steps",
+        "particle-weights",
+    ),
+}
+"""As the thesis has them, ours last; then those of the second and of the third seed."""
 PICTURED = frozenset(
-    ["person", "turning", "heading", "zoom", "kidnapping", "incremental-zoom", "odometry-reset", "robust-matching"]
+    [
+        *(
+            "person",
+            "turning",
+            "heading",
+            "zoom",
+            "kidnapping",
+            "incremental-zoom",
+            "odometry-reset",
+            "robust-matching",
+        ),
+        *PAGES[APPEARANCE_PAGE],
+    ]
 )
 """Shown on the page; ``topoloc reproduce`` draws all."""
 
 
 def section(experiment: Experiment, measured: Sequence[Measured]) -> str:
     """An experiment in Markdown."""
+    seeds = f"seeds {SEEDS[0]} to {SEEDS[-1]}"
     parts = [
         f"## {experiment.title}\n",
-        f"`topoloc reproduce {experiment.name}`; thesis {experiment.source}; seeds {SEEDS[0]} to {SEEDS[-1]}.\n",
+        f"`topoloc reproduce {experiment.name}`; {experiment.document} {experiment.source}; {seeds}.\n",
         f"{experiment.about}\n",
     ]
     if experiment.name in PICTURED:
@@ -95,25 +120,34 @@ def errors(measured: Mapping[str, Sequence[Measured]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def write_page(name: str, run: Path, jobs: int) -> None:
+    """Write the tables of a page from the folder of a run; seeds that it lacks are measured."""
+    page = DOCS / name
+    text = page.read_text(encoding="utf-8")
+    if BEGIN not in text or END not in text:
+        raise SystemExit(f"{page}: the lines around the tables are gone; put them back")
+    sections, of_all = [], {}
+    for one in PAGES[name]:
+        experiment: Experiment = plugins.load(plugins.EXPERIMENTS, one)
+        measured = list(measure_seeds(experiment, SEEDS, run / one / "seeds", jobs))
+        of_all[one] = measured
+        sections.append(section(experiment, measured))
+        if one in PICTURED:
+            write_figure(PICTURES / f"{one}.png", experiment, measured)
+    head = [errors(of_all)] if name == THESIS_PAGE else []
+    before, after = text.partition(BEGIN)[0], text.partition(END)[2]
+    write_text(page, before + BEGIN + "\n".join([*head, *sections]) + END + after)
+
+
 def main() -> None:
-    """Write the page from the folder of a run; seeds that it lacks are measured."""
+    """Write the pages that are named, or all."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("run", type=Path, help="folder that topoloc reproduce made")
+    parser.add_argument("pages", nargs="*", help=f"of {', '.join(PAGES)}; all by default")
     parser.add_argument("--jobs", type=int, default=-1)
     words = parser.parse_args()
-    text = DOCUMENT.read_text(encoding="utf-8")
-    if BEGIN not in text or END not in text:
-        raise SystemExit(f"{DOCUMENT}: the lines around the tables are gone; put them back")
-    sections, of_all = [], {}
-    for name in ORDER:
-        experiment: Experiment = plugins.load(plugins.EXPERIMENTS, name)
-        measured = list(measure_seeds(experiment, SEEDS, words.run / name / "seeds", words.jobs))
-        of_all[name] = measured
-        sections.append(section(experiment, measured))
-        if name in PICTURED:
-            write_figure(PICTURES / f"{name}.png", experiment, measured)
-    before, after = text.partition(BEGIN)[0], text.partition(END)[2]
-    write_text(DOCUMENT, before + BEGIN + "\n".join([errors(of_all), *sections]) + END + after)
+    for name in words.pages or PAGES:
+        write_page(name, words.run, words.jobs)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
 SEEDS = tuple(range(10, 20))
 """Nothing was fitted to them: worlds, sensors and rules were, on seeds from 1000 on."""
+THESIS, SECOND_SEED, THIRD_SEED = "thesis", "Porta & Kröse", "Payá et al."
+"""What the experiments were published in."""
+NOT_IN_THE_SEED = "not in the seed"
+"""What stands for a published value that did not survive: curves of a figure that is lost."""
 AS_PUBLISHED, IMPROVED = "as published", "improved"
 """The thesis's method with the thesis's settings (5.2), and ours, in one setting everywhere."""
 Measured = Mapping[str, Mapping[str, Any]]
@@ -68,6 +72,7 @@ class Experiment:
         quantities: rows of the table.
         draw: the published figure drawn anew into an empty one, from all seeds.
         tell: further lines for the screen, such as a published table of single steps; None: nothing more.
+        document: that it was published in.
     """
 
     name: str
@@ -78,6 +83,7 @@ class Experiment:
     quantities: tuple[Quantity, ...]
     draw: Callable[[Sequence[Measured], Figure], None]
     tell: Callable[[Sequence[Measured]], str] | None = None
+    document: str = THESIS
 
 
 @dataclass(frozen=True)

@@ -55,8 +55,11 @@ def test_a_stated_probability_is_true(name: str) -> None:
 
 @pytest.mark.slow
 def test_every_estimators_probability_is_about_true() -> None:
-    """On three other seeds; with so few steps (some 1300) the error of a true probability comes to 0.02."""
-    for name, seeds in measure_all((60, 61, 62), list(OURS), laps=0.5).items():
+    """On six other seeds; with so few steps (some 2800) the error of a true probability comes to 0.015.
+
+    Six, since three of them are too few for the best match, whose error is 0.05 over 60 to 69 and up to 0.1 on one.
+    """
+    for name, seeds in measure_all(tuple(range(60, 66)), list(OURS), laps=0.5).items():
         probability = np.concatenate([one.probability for one in seeds])
         right = np.concatenate([one.right for one in seeds])
         assert calibration_error(probability, right) < 0.08, name

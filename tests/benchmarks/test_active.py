@@ -5,18 +5,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 import pytest
 
+from benchmarks.experiments.selections import ByLot, InTurn
 from benchmarks.runner import SharedLooks
 from benchmarks.worlds import LabWorld, World, WorldSettings
 from benchmarks.worlds.office import CLEAR_M, OfficeSettings, OfficeWorld, clearance
+from benchmarks.worlds.standing_robot import StandingRobot
 from benchmarks.worlds.twins import TwinsSettings, TwinsWorld
-from benchmarks.worlds.world import Shot
 from estimators.action import LeastEntropy
 from topoloc.active import (
     ORIENTATIONS,
@@ -28,62 +29,15 @@ from topoloc.active import (
     turns,
     view_evidence,
 )
-from topoloc.geometry import Floats, compose, wrap
+from topoloc.geometry import Floats
 from topoloc.localizer import Localizer
 from topoloc.plugins import make_estimator, make_sensor
-from topoloc.recording import LazyImages
 from topoloc.topo_map import TopoMap
-from topoloc.types import Frame, WeightedPoses
 
 pytestmark = pytest.mark.slow
 SEEDS, STANDS, LOOKS = range(4), 10, 5
 OFF_THE_MAP_M, NEAR_M = 0.15, 0.5
 """A robot stands at least this far from every point of the map, and at most so far from a node or an edge."""
-UNSEEN_TURN = -0.018
-"""Share of a turn that the odometer errs by, as in ``benchmarks.worlds.odometer.Drift``."""
-
-
-class First:
-    """Takes the first of the actions: fixed steps, in the order that they are listed in."""
-
-    def choose(self, belief: WeightedPoses, actions: Sequence[Action]) -> int:
-        return 0
-
-
-class AnyOne:
-    """Takes one by lot."""
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        self._rng = rng
-
-    def choose(self, belief: WeightedPoses, actions: Sequence[Action]) -> int:
-        return int(self._rng.integers(len(actions)))
-
-
-class StandingRobot:
-    """A simulated robot that turns, or turns its camera, where it stands.
-
-    Args:
-        world: that it stands in.
-        seed, number: of the world, and of the robot in it.
-        pose: (3,) true pose at the start.
-    """
-
-    def __init__(self, world: World, seed: int, number: int, pose: Floats) -> None:
-        self._world, self._seed, self._number = world, seed, number
-        self.truth, self.mount = pose, world.mount
-        self._scene = world.scene(seed, world.config.now())
-        self._pose, self._odometry = pose, np.zeros(3)
-
-    def look(self, action: Action) -> Frame:
-        self._pose = compose(self._pose, action.motion)
-        self._odometry = compose(self._odometry, action.motion * (1.0 + UNSEEN_TURN))
-        camera = compose(self._pose, action.camera)
-        step = round(float(wrap(camera[2] - self.truth[2])) / (2.0 * np.pi) * ORIENTATIONS) % ORIENTATIONS
-        time = float(self._number * ORIENTATIONS + step)  # one for each orientation: the same look is the same picture
-        pixels = self._world.config.turning_shake_px
-        shot = Shot(self._scene, (), camera, pixels, False, True, self._seed, 10_000 + round(time))
-        return Frame(time, self._odometry, action.camera, LazyImages(self._world.readers(shot)))
 
 
 @dataclass(frozen=True)
@@ -147,9 +101,9 @@ def looks(trial: str, estimator: str) -> dict[str, Floats]:
         entropy = LeastEntropy(view_evidence(topo_map, sensor, world.mount))
         for way, stride in STRIDES.items():
             actions = one.actions(orientations()[np.arange(ORIENTATIONS) * stride % ORIENTATIONS], world.mount)
-            by_lot = AnyOne(np.random.default_rng([seed, 3]))
+            by_lot = ByLot(np.random.default_rng([seed, 3]))
             chosen: dict[str, ActionSelection] = {BY_LOT: by_lot, BY_ENTROPY: entropy}
-            selection = chosen.get(way, First())
+            selection = chosen.get(way, InTurn())
             rows = []
             for number, pose in enumerate(stands(one, topo_map, seed)):
                 localizer = Localizer(topo_map, shared, make_estimator(estimator), rng=100 * seed + number)
