@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,10 +11,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sensors.calibration import log_density, match_of, wrong_distance
-from sensors.histogram import ColorHistogram, ColorHistogramConfig, jeffrey
+from sensors.histogram import (
+    BANDS,
+    BATCH,
+    ColorHistogram,
+    ColorHistogramConfig,
+    Votes,
+    band_divergences,
+    described,
+    divergences,
+    votes_of,
+)
 from sensors.images import cut_views, views_of
 from topoloc.errors import UserError
-from topoloc.geometry import wrap
+from topoloc.geometry import Floats, wrap
 from topoloc.topo_map import Camera, Node, TopoMap, View
 from topoloc.types import Evidence, Frame
 
@@ -72,8 +83,8 @@ def test_training_views_of_the_map_come_first() -> None:
 
 def test_half_is_what_95_percent_of_wrong_places_stay_below() -> None:
     rng = np.random.default_rng(0)
-    distances, nodes = rng.uniform(1.0, 2.0, (40, 40)), np.repeat(np.arange(40), 1)
-    wrong = wrong_distance(distances, nodes)
+    distances, nodes = rng.uniform(1.0, 2.0, (40, 40)), np.arange(40)
+    wrong = wrong_distance(distances, 2.0 * np.abs(nodes[:, None] - nodes), nodes)
     others = distances[~np.eye(40, dtype=bool)]
     assert np.mean(match_of(others, wrong) < 0.5) == pytest.approx(0.95, abs=0.01)
     assert match_of(np.zeros(1), wrong)[0] == 1.0
@@ -125,12 +136,84 @@ def test_filtered_panoramas_have_no_colour_to_compare() -> None:
         ColorHistogram().fit(replace(coloured_map(), filtered=True))
 
 
+def by_hand(one: Floats, others: Floats) -> Floats:
+    """Jeffrey divergences (V, BANDS) of histograms (BANDS, bins) and (V, BANDS, bins), as the formula has it."""
+    mean = (one + others) / 2.0
+    return (one * np.log(one / mean) + others * np.log(others / mean)).sum(axis=2)
+
+
 def test_jeffrey_divergence() -> None:
-    one = np.array([[0.5, 0.5, 0.0 + 1e-12]])
-    others = np.array([one, [[0.25, 0.25, 0.5]]])
-    mean = (one[0] + others[1, 0]) / 2
-    by_hand = np.sum(one[0] * np.log(one[0] / mean) + others[1, 0] * np.log(others[1, 0] / mean))
-    np.testing.assert_allclose(jeffrey(one, others), [0.0, by_hand], atol=1e-12)
+    """To 1e-5 of the formula in double precision, over more views than are compared at a time; 0 for the same one."""
+    rng = np.random.default_rng(3)
+    histograms = 0.95 * rng.dirichlet(np.full(24, 0.2), (BATCH + 5, BANDS)) + 0.05 / 24
+    made = np.stack([described(one) for one in histograms])
+    expected = by_hand(histograms[7], histograms)
+    np.testing.assert_allclose(divergences(made[7], made), expected.mean(axis=1), atol=1e-5)
+    np.testing.assert_allclose(band_divergences(made[7], made), expected, atol=1e-5)
+    assert divergences(made[7], made)[7] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_each_band_of_a_picture_is_a_histogram() -> None:
+    """A red: hue 0, lightness 100 of 256, full saturation, all of the colour red."""
+    red = np.zeros((36, 48, 3), np.uint8)
+    red[..., 0] = 200
+    bins = ColorHistogramConfig().bins
+    made = ColorHistogram().describe({"rgb": red})
+    histograms = made[: BANDS * bins].reshape(BANDS, bins)
+    np.testing.assert_allclose(histograms.sum(axis=1), 1.0, atol=1e-5)
+    np.testing.assert_array_equal(histograms.argmax(axis=1), [0, bins * 100 // 256, bins - 1, bins - 1, 0, 0])
+
+
+def test_every_band_votes_for_the_node_of_its_nearest_view_by_the_ratio_to_the_next_node() -> None:
+    nodes = np.array([0, 0, 1, 2])
+    distances = np.array([[0.1, 0.5], [0.2, 0.4], [0.4, 0.2], [0.8, 0.25]])
+    votes = votes_of(distances, nodes)
+    np.testing.assert_array_equal(votes.nodes, [0, 1])
+    np.testing.assert_allclose(votes.confidence, [1.0 - 0.1 / 0.4, 1.0 - 0.2 / 0.25])
+    assert votes.leader() == 0
+
+
+@pytest.mark.parametrize(
+    ("least", "verdict"), [(0.0, "confused"), (0.25, "confused"), (0.4, "confident"), (0.95, "uncertain")]
+)
+def test_votes_that_count_are_unanimous_or_not(least: float, verdict: str) -> None:
+    votes = Votes(np.array([2, 2, 0, 2, 1, 2]), np.array([0.9, 0.5, 0.3, 0.6, 0.1, 0.4]))
+    assert votes.verdict(least) == verdict
+
+
+def test_votes_of_a_map_with_one_node_are_sure() -> None:
+    votes = votes_of(np.full((3, BANDS), 0.5), np.zeros(3, dtype=np.int64))
+    np.testing.assert_allclose(votes.confidence, 1.0)
+
+
+def test_unanimous_bands_speak_for_their_node_alone_and_others_make_a_frame_blind() -> None:
+    the_map = coloured_map()
+    views = views_of(the_map)
+    sensor = ColorHistogram(ColorHistogramConfig(voting="unanimous"))
+    sensor.fit(the_map)
+    seen = sensor.votes(views.images[30])
+    np.testing.assert_array_equal(seen.nodes, np.full(BANDS, 1))
+    evidence = sensor.observe(frame_of(views.images[30]))
+    assert set(evidence.nodes) == {1}
+    np.testing.assert_allclose(evidence.poses[0], views.poses[30])
+    halves = np.concatenate([views.images[0][:, :24], views.images[30][:, 24:]], axis=1)
+    strict = ColorHistogram(ColorHistogramConfig(voting="unanimous", least_confidence=0.999))
+    strict.fit(the_map)
+    assert strict.votes(halves).verdict(0.999) == "uncertain"
+    assert strict.observe(frame_of(halves)).is_blind
+    assert not sensor_without_votes(the_map).observe(frame_of(halves)).is_blind
+
+
+def sensor_without_votes(the_map: TopoMap) -> ColorHistogram:
+    sensor = ColorHistogram()
+    sensor.fit(the_map)
+    return sensor
+
+
+@pytest.mark.parametrize("setting", [{"bins": 1}, {"smoothing": 0.0}, {"voting": "most"}, {"least_confidence": 1.5}])
+def test_settings_that_make_no_sense_are_refused(setting: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=next(iter(setting))):
+        ColorHistogramConfig(**setting)
 
 
 def test_covered_and_flat_frames_are_blind() -> None:
