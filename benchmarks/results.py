@@ -109,11 +109,16 @@ class Summary:
         """Over the seeds; None where there is no value."""
         return statistics.fmean(self.values) if self.values else None
 
+    @property
+    def deviation(self) -> float | None:
+        """Sample standard deviation over the seeds; None where there are fewer than two values."""
+        return statistics.stdev(self.values) if len(self.values) > 1 else None
+
     def text(self, digits: int = 2, unit: str = "") -> str:
         """Mean and sample standard deviation over the seeds; the status, or a dash, where there is no value."""
         if self.mean is None:
             return "-" if self.status == OK else self.status
-        spread = f" ± {statistics.stdev(self.values):.{digits}f}" if len(self.values) > 1 else ""
+        spread = "" if self.deviation is None else f" ± {self.deviation:.{digits}f}"
         return f"{self.mean:.{digits}f}{spread}{unit}"
 
 

@@ -274,7 +274,7 @@ def _finish(folder: Path) -> None:
 
 
 def _print_tables(rows: Sequence[Row]) -> None:
-    """For each scenario sensors by estimators: node accuracy, and below it the median position error."""
+    """For each scenario sensors by estimators: node accuracy; sensors that gave nothing there are left out."""
     from rich import box
     from rich.console import Console
     from rich.markup import escape
@@ -282,21 +282,23 @@ def _print_tables(rows: Sequence[Row]) -> None:
 
     from benchmarks.results import summarize
 
-    console = Console()
-    accuracy, position = summarize(rows, "node_accuracy"), summarize(rows, "position_median_m")
+    console, accuracy = Console(), summarize(rows, "node_accuracy")
     for scenario in dict.fromkeys(row.scenario for row in rows):
         own = [row for row in rows if row.scenario == scenario]
-        sensors = list(dict.fromkeys(row.sensor for row in own))
-        title = f"{escape(scenario)} (simulated): node accuracy, median position error in m"
-        heads = ("", *map(escape, sensors))
-        table = Table(*heads, title=title, title_justify="left", box=box.SIMPLE, padding=(0, 2, 0, 0))
+        sensors = list(dict.fromkeys(row.sensor for row in own if row.status == "ok"))
+        title = f"{escape(scenario)} (simulated): node accuracy, %, mean ± standard deviation"
+        heads = (escape(name).replace("-", "-\n") for name in sensors)
+        table = Table("", *heads, title=title, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
         for estimator in dict.fromkeys(row.estimator for row in own):
-            pairs = [(scenario, sensor, estimator) for sensor in sensors]
-            table.add_row(escape(estimator), *(_screen_cell(accuracy.get(pair), position.get(pair)) for pair in pairs))
+            cells = (_screen_cell(accuracy.get((scenario, sensor, estimator))) for sensor in sensors)
+            table.add_row(escape(estimator), *cells)
         console.print(table)
 
 
-def _screen_cell(accuracy: Summary | None, position: Summary | None) -> str:
-    if accuracy is None or position is None:
+def _screen_cell(accuracy: Summary | None) -> str:
+    if accuracy is None:
         return ""
-    return accuracy.text() if position.mean is None else f"{accuracy.text()}  {position.mean:.2f}"
+    if accuracy.mean is None:
+        return accuracy.text()
+    spread = "" if accuracy.deviation is None else f" ± {100 * accuracy.deviation:.0f}"
+    return f"{100 * accuracy.mean:.0f}{spread}"
