@@ -20,7 +20,7 @@ help:
 	@echo "make realism      measure how hard the laboratory is, and write the table of docs/worlds.md (some minutes)"
 	@echo "make accuracy     measure how often each estimator is right, and write the tables of docs/estimators.md (minutes)"
 	@echo "make panoramas    measure how well panoramas close, and write the table of docs/panoramas.md (minutes)"
-	@echo "make reproduce    do all published experiments again, and write docs/experiments.md (about an hour)"
+	@echo "make reproduce    do all published experiments again, and write their two pages (about two hours)"
 	@echo "make constraints  write constraints.txt anew from the newest versions"
 
 $(VENV)/.installed: pyproject.toml constraints.txt

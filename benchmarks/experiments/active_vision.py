@@ -182,7 +182,8 @@ def _draw_cloud(axes: Axes, example: Mapping[str, Any], look: int) -> None:
     axes.plot(*points.T, ".", color="0.8", ms=4)
     axes.plot(*cloud.T, ".", color=OURS, ms=3, alpha=0.5)
     axes.plot(*example["truth"][:2], "^", color="black", ms=7)
-    axes.set(aspect="equal", xticks=[], yticks=[])
+    (left, low), (right, high) = points.min(axis=0) - 0.75, points.max(axis=0) + 0.75
+    axes.set(aspect="equal", xticks=[], yticks=[], xlim=(left, right), ylim=(low, high))
     axes.set_title(f"particles after {look} movements" if look else "particles after the first look", fontsize=9)
 
 

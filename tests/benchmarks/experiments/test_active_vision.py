@@ -28,7 +28,7 @@ def test_groups_of_particles_are_told_apart() -> None:
     rng = np.random.default_rng(0)
     one = rng.normal(0.0, 0.2, (70, 2))
     assert hypotheses(one) == 1
-    assert hypotheses(np.concatenate([one, one + (5.0, 0.0), one + (0.0, 4.0)])) == 3
+    assert hypotheses(np.concatenate([one, one + np.array([5.0, 0.0]), one + np.array([0.0, 4.0])])) == 3
     assert hypotheses(np.concatenate([one, [[9.0, 9.0]]])) == 1, "a stray particle is no hypothesis"
 
 
