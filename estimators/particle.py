@@ -55,8 +55,8 @@ class ParticleFilterConfig:
     kld: KLD = field(default_factory=KLD)
 
     def __post_init__(self) -> None:
-        if self.particles < 2:
-            raise ValueError(f"particles is {self.particles}; it must be at least 2")
+        if self.particles < (2 if self.recovery > 0.0 else 1):
+            raise ValueError(f"particles is {self.particles}; it must be at least 2, or 1 with recovery 0")
         if self.resampling not in RESAMPLERS:
             raise ValueError(f"resampling is {self.resampling!r}; use one of: {', '.join(RESAMPLERS)}")
         if not 0.0 <= self.ess_threshold <= 1.0:

@@ -17,6 +17,8 @@ from topoloc.types import Evidence, Frame, Image, Ints
 
 CALIBRATION_CUTS = 24
 """About so many cuts from panoramas are looked for on all others in ``fit``, where the map has no views."""
+QUERIES = 64
+"""So many training views are looked for on all others in ``fit``."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,11 @@ class LocalFeatures:
         self._on_nodes = False
         self._references = self._prepared(seen, self._poses[:, 2])
         self._neighbourhood = Neighbourhood(
-            topo_map, self._poses, lambda rows: self._distances([seen[row] for row in rows]), self.config
+            topo_map,
+            self._poses,
+            lambda rows: self._distances([seen[row] for row in rows]),
+            self.config,
+            most_queries=QUERIES,
         )
 
     def _fit_panoramas(self, topo_map: TopoMap, nodes: Sequence[tuple[Node, Image]]) -> None:

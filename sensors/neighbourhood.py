@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from sensors.calibration import (
+    MOST_QUERIES,
     Scale,
     held_out,
     kappa_of,
@@ -71,6 +72,7 @@ class Neighbourhood:
         config: settings.
         held_out_works: views stand for themselves, so that they can be held out: no cuts from panoramas.
         with_heading: whether a hypothesis tells a heading; else kappa is that of the config, for what the sensor finds.
+        most_queries: views that are compared with all others in order to find the scale; fewer where that is slow.
 
     Attributes:
         nodes: (V,) node of each view.
@@ -86,10 +88,11 @@ class Neighbourhood:
         config: NeighbourConfig,
         held_out_works: bool = True,
         with_heading: bool = True,
+        most_queries: int = MOST_QUERIES,
     ) -> None:
         self.config = config
         self.nodes = topo_map.nearest_node(poses[:, :2])
-        rows = spread_out(len(poses))
+        rows = spread_out(len(poses), most_queries)
         between = distances(rows)
         apart = np.linalg.norm(poses[rows, None, :2] - poses[None, :, :2], axis=2)
         self.wrong = wrong_distance(between, apart, self.nodes)
