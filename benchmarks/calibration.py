@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 from scipy.special import i0e
 
 from benchmarks.worlds import LabWorld, Simulation, WorldSettings
-from sensors.calibration import Queries, likeliest_scale, log_density, spacing_of
+from sensors.calibration import Queries, likeliest_scale, log_density_of_cuts, spacing_of
 from sensors.calibration import Scale as ViewScale
 from sensors.ima import IMAConfig
 from sensors.images import views_of
@@ -95,6 +95,8 @@ def fit_scale(seen: Sequence[Drive]) -> Scale:
 
 
 VIEWS_START = ViewScale(slope=5.0, level=0.0, sigma_m=0.6, kappa=20.0, log_floor=-1.5)
+"""Where the fit begins. Width and sharpness are kept: fitted to single looks they are narrower (0.37 m and 60), and
+then filters, for which looks are independent, are right less often (0.74 of the nodes in place of 0.80)."""
 
 
 def fit_views(seen: Sequence[Drive]) -> ViewScale:
@@ -111,10 +113,10 @@ def fit_views(seen: Sequence[Drive]) -> ViewScale:
                 rows.append((evidence.match - drive.sensor.base_match, apart, evidence.poses[:, 2] - pose[2]))
     topo_map = seen[0].simulation.topo_map
     score, apart, turn = (np.array(part) for part in zip(*rows, strict=True))
-    density = log_density(views_of(topo_map).poses, VIEWS_START.sigma_m, VIEWS_START.kappa).mean()
+    density = log_density_of_cuts(views_of(topo_map).poses, VIEWS_START.sigma_m, VIEWS_START.kappa).mean()
     area = len(topo_map.nodes) * spacing_of(topo_map.positions) ** 2
     queries = Queries(score, np.full(score.shape, density), apart, turn)
-    return likeliest_scale(queries, area, VIEWS_START, with_slope=True, with_heading=True)
+    return likeliest_scale(queries, area, VIEWS_START, ("slope",))
 
 
 def fit_heading(seen: Sequence[Drive], most: float) -> tuple[float, float]:
@@ -239,14 +241,14 @@ def main() -> None:
         if name in VIEW_SENSORS:
             views = fit_views(seen)
             print(f"{name}: margin {-views.level / views.slope:.3f}, {views}")
-            continue
         scale = fit_scale(seen)
         print(
             f"{name}: slope {scale.slope:.1f}, margin {scale.margin:.3f} "
             f"({scale.right_share:.1%} of the hypotheses right, heading sd {scale.heading_sd_deg:.1f} degrees)"
         )
-        fall, margin = fit_heading(seen, IMAConfig().kappa)
-        print(f"{name}: kappa_fall {fall:.1f}, sure_margin {margin:.3f}; {fit_place(seen)}")
+        if name not in VIEW_SENSORS:  # of a view heading and place are its own, whatever the match
+            fall, margin = fit_heading(seen, IMAConfig().kappa)
+            print(f"{name}: kappa_fall {fall:.1f}, sure_margin {margin:.3f}; {fit_place(seen)}")
     for name in plugins.names(plugins.ESTIMATORS):
         print(f"{name}: {fit_rule(name, drives)}")
 

@@ -3,9 +3,9 @@
 Match (DESIGN.md, "Values"): 1 is an identical image, and 0.5 is what 95 % of held-out views of wrong places stay below.
 Every view of the map, or a part of them, is a query once; what stands at least ``WRONG_M`` away is a wrong place.
 
-Log-likelihood: every view is a query once more, held out together with all views from its position, so that its true
-pose is known and what is left stands beside it. With the score s_j of the J nearest of the others the evidence is the
-mixture of EQUATIONS.md, 4,
+Log-likelihood: every view is a query once more, held out together with all views from about its position, so that its
+true pose is known and what is left stands beside it. With the score s_j of the J nearest of the others the evidence is
+the mixture of EQUATIONS.md, 4,
 
     L(x) = f + sum_j exp(slope s_j + level - log density_j) K(x - x_j) h(theta - theta_j),
 
@@ -20,12 +20,14 @@ is the one that the sensor's settings name, found in calibration worlds (``bench
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 from scipy.special import i0e
 
 from topoloc.geometry import Floats
@@ -37,17 +39,22 @@ WRONG_M = 1.0
 """A view of a place at least so far away is one of a wrong place, as in the truth of a node [m]."""
 BEST_QUANTILE = 0.75
 """Of the best scores of held-out views: beyond, nothing is known."""
-MOST_QUERIES = 256
-"""Views that are held out, at equal distances through the list; more take longer and tell hardly more."""
+MOST_QUERIES, MOST_PAIRS = 256, 4_000_000
+"""Views that are held out, at equal distances through the list, more tell hardly more; and pairs with others."""
 FEWEST_POSITIONS = 6
 """Of views, for anything to be told from those that are left when one is held out."""
-SAME_PLACE = 0.1
-"""Views nearer than this share of the spacing to each other are from one position."""
+SAME_PLACE = 0.3
+"""Views nearer to each other than this share of the spacing are from one position."""
+SAME_HEADING = np.deg2rad(1.0)
+"""Headings of a position nearer to each other than this are one [rad]."""
 KAPPAS = 0.5, 400.0
 """Concentrations that can be told from a map's views."""
-PRIORS = np.array([2e-2, 1e-4, 1e-4, 1e-4])
-"""Weights of the squared distance from the start, of log slope, log sigma, log kappa and floor: what the queries do not
-tell stays where it was. The slope is held more: the map's own views know nothing of other light."""
+Free = Literal["slope", "sigma_m", "kappa"]
+PRIORS: dict[Free, float] = {"slope": 2e-2, "sigma_m": 1e-4, "kappa": 1e-4}
+"""Weights of the squared distance of their logarithms from the start: what the queries do not tell stays where it was.
+The slope is held more: the map's own views know nothing of other light."""
+FLOOR_PRIOR, FLOOR_START = 1e-4, -2.0
+"""The same of the floor, below the middle of the weights."""
 
 
 @dataclass(frozen=True)
@@ -83,17 +90,18 @@ class Queries:
         score: (Q, J) the better, the larger.
         log_density: (Q, J) log of the views that stand around each hypothesis.
         distance_m: (Q, J) from the true position to the hypothesis [m].
-        turn: (Q, J) from the true heading to the hypothesis's [rad].
+        turn: (Q, J) from the true heading to the hypothesis's [rad]; None where hypotheses tell no heading.
     """
 
     score: Floats
     log_density: Floats
     distance_m: Floats
-    turn: Floats
+    turn: Floats | None
 
 
 def spread_out(count: int, most: int = MOST_QUERIES) -> Ints:
-    """At most so many of ``count`` indices, at equal distances."""
+    """Indices at equal distances: ``most`` of ``count`` at most, and fewer where they would make too many pairs."""
+    most = max(min(most, MOST_PAIRS // count), 1)
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
 
 
@@ -108,21 +116,21 @@ def wrong_distance(distances: Floats, apart: Floats, nodes: Ints) -> float:
     Returns:
         The quantile over each query's nearest view of every wrong node: one none of whose views stands nearer than
         ``WRONG_M``, or where the map is too small for that, any but its own. Over all pairs where there is one node.
+        Where wrong places look just the same, the smallest distance of those that do not.
     """
     order = np.argsort(nodes, kind="stable")
     first = np.flatnonzero(np.diff(nodes[order], prepend=-1))
     nearest = np.minimum.reduceat(distances[:, order], first, axis=1)  # (Q, K)
     away = np.minimum.reduceat(apart[:, order], first, axis=1)
-    for wrong in (away >= WRONG_M * (1.0 - 1e-9), away > 0.0):
-        if wrong.any():
-            return float(np.quantile(nearest[wrong], WRONG_QUANTILE))
-    pairs = distances[distances > 0.0]
-    return float(np.quantile(pairs, WRONG_QUANTILE)) if len(pairs) else 1.0
+    wrong = next((nearest[far] for far in (away >= WRONG_M * (1.0 - 1e-9), away > 0.0) if far.any()), distances)
+    quantile = float(np.quantile(wrong, WRONG_QUANTILE))
+    different = distances[distances > 0.0]
+    return quantile if quantile > 0.0 else float(different.min(initial=np.inf)) if len(different) else 1.0
 
 
 def match_of(distance: Floats, wrong: float) -> Floats:
-    """Match in [0, 1]: 1 for an identical image, 0.5 at the distance ``wrong``, halved by each such distance."""
-    return np.asarray(0.5 ** (distance / max(wrong, np.finfo(float).tiny)))
+    """Match in [0, 1]: 1 for an identical image, 0.5 at the distance ``wrong`` > 0, halved by each such distance."""
+    return np.asarray(0.5 ** (distance / wrong))
 
 
 def log_density(poses: Floats, sigma: float, kappa: float) -> Floats:
@@ -137,23 +145,59 @@ def log_density(poses: Floats, sigma: float, kappa: float) -> Floats:
         kappa: concentration of the heading kernel.
     """
     around = np.empty(len(poses))
-    for first in range(0, len(poses), MOST_QUERIES):  # so that memory grows with the views, not with their square
-        some = poses[first : first + MOST_QUERIES]
-        squared = np.sum((some[:, None, :2] - poses[None, :, :2]) ** 2, axis=2)
-        turned = np.cos(some[:, None, 2] - poses[None, :, 2]) - 1.0
-        around[first : first + MOST_QUERIES] = np.exp(-squared / (2.0 * sigma**2) + kappa * turned).sum(axis=1)
+    step = max(1, MOST_PAIRS // len(poses))  # so that memory does not grow with the square of the views
+    for first in range(0, len(poses), step):
+        some = poses[first : first + step]
+        exponents = cdist(some[:, :2], poses[:, :2], "sqeuclidean") / (-2.0 * sigma**2)
+        if kappa > 0.0:
+            exponents += kappa * (np.cos(some[:, None, 2] - poses[None, :, 2]) - 1.0)
+        around[first : first + step] = np.exp(exponents).sum(axis=1)
     return np.asarray(np.log(around))
 
 
+def log_density_of_cuts(poses: Floats, sigma: float, kappa: float) -> Floats:
+    """``log_density`` (V,) of views that are cut at the same headings, at equal steps, at each position (V, 3).
+
+    Then places and headings are factors; of 10,000 panoramas there are a quarter of a million cuts.
+    """
+    places, place = np.unique(poses[:, :2], axis=0, return_inverse=True)
+    around = log_density(np.column_stack([places, np.zeros(len(places))]), sigma, 0.0)
+    here = poses[place.reshape(-1) == place.reshape(-1)[0], 2]
+    headings = np.exp(kappa * (np.cos(here - here[0]) - 1.0)).sum()
+    return np.asarray(around[place.reshape(-1)] + np.log(headings))
+
+
 def spacing_of(positions: Floats) -> float:
-    """Median distance [m] from a position (V, 2) to the nearest other one; 0 where there is no other."""
-    distinct = np.unique(np.round(positions, 6), axis=0)
+    """Median distance [m] from a position (P, 2) to the nearest other one; 0 where there is no other."""
+    distinct = np.unique(positions, axis=0)
     return float(np.median(cKDTree(distinct).query(distinct, k=2)[0][:, 1])) if len(distinct) > 1 else 0.0
 
 
+def kappa_of(headings: Floats, nodes: Ints) -> float | None:
+    """Concentration of a heading that is known as well as the headings at one place are close.
+
+    1 / step^2, as a von Mises whose standard deviation is the median step has it.
+
+    Args:
+        headings: (V,) of the map's views [rad].
+        nodes: (V,) their places.
+
+    Returns:
+        None where no place has two headings.
+    """
+    order = np.lexsort((np.mod(headings, 2.0 * np.pi), nodes))
+    sorted_headings, place = np.mod(headings, 2.0 * np.pi)[order], nodes[order]
+    first = np.flatnonzero(np.diff(place, prepend=-1))
+    following = np.roll(sorted_headings, -1)
+    following[np.append(first[1:], len(place)) - 1] = sorted_headings[first] + 2.0 * np.pi  # round the circle
+    steps = following - sorted_headings
+    steps = steps[(steps > SAME_HEADING) & (steps < 2.0 * np.pi - SAME_HEADING)]
+    return float(np.clip(1.0 / np.median(steps) ** 2, *KAPPAS)) if len(steps) else None
+
+
 def held_out(
-    poses: Floats, rows: Ints, distances: Floats, score: Callable[[Floats], Floats], neighbours: int
-) -> Queries | None:
+    poses: Floats, rows: Ints, distances: Floats, score: Callable[[Floats], Floats], neighbours: int, spacing_m: float
+) -> tuple[Ints, Queries] | None:
     """Views of the map as looks from known poses, with what is left of the map without their positions.
 
     Args:
@@ -161,78 +205,62 @@ def held_out(
         rows: (Q,) which of them are queries.
         distances: (Q, V) of descriptors.
         score: (Q, J) of the distances of the J nearest, nearest first.
-        neighbours: J.
+        neighbours: J; 0: all.
+        spacing_m: of the positions [m].
 
     Returns:
-        None where the map is too small.
+        Indices (Q, J) of the neighbours, and the queries, densities still 0; None where nothing is left.
     """
-    spacing = spacing_of(poses[:, :2])
-    positions = len(np.unique(np.round(poses[:, :2], 6), axis=0))
-    apart = np.linalg.norm(poses[rows, None, :2] - poses[None, :, :2], axis=2)
-    own = apart < SAME_PLACE * spacing
+    apart = cdist(poses[rows, :2], poses[:, :2])
+    own = apart < SAME_PLACE * spacing_m
     count = min(neighbours or len(poses), int((~own).sum(axis=1).min()))
-    if positions < FEWEST_POSITIONS or count < 1:
+    if count < 1:
         return None
     left = np.where(own, np.inf, distances)
     nearest = np.argsort(left, axis=1, kind="stable")[:, :count]
-    turn = poses[nearest, 2] - poses[rows, None, 2]
-    return Queries(
-        score(np.take_along_axis(left, nearest, axis=1)),
-        log_density(poses, spacing, kappa_of(poses))[nearest],
-        np.take_along_axis(apart, nearest, axis=1),
-        turn,
-    )
+    scores = score(np.take_along_axis(left, nearest, axis=1))
+    away, turn = np.take_along_axis(apart, nearest, axis=1), poses[nearest, 2] - poses[rows, None, 2]
+    return nearest, Queries(scores, np.zeros(scores.shape), away, turn)
 
 
-def kappa_of(poses: Floats) -> float:
-    """Concentration of a heading that is known as well as a map's views (V, 3) are close in heading.
-
-    1 / step^2, for headings that stand a step apart at one position, as a von Mises of that standard deviation has it.
-    """
-    near = np.linalg.norm(poses[:, :2] - poses[0, :2], axis=1) < 1e-6
-    headings = np.unique(np.round(np.mod(poses[near, 2], 2.0 * np.pi), 6))
-    step = float(np.min(np.diff(headings))) if len(headings) > 1 else np.pi / 2.0
-    return float(np.clip(1.0 / step**2, *KAPPAS))
-
-
-def likeliest_scale(queries: Queries, area_m2: float, start: Scale, with_slope: bool, with_heading: bool) -> Scale:
+def likeliest_scale(queries: Queries, area_m2: float, start: Scale, free: Sequence[Free]) -> Scale:
     """The scale under which the true poses are likeliest; see the top of this file.
 
     Args:
         queries: looks from known poses.
         area_m2: that the map covers [m^2].
-        start: where the search begins; its level does not count.
-        with_slope: whether the slope is to be found as well; else it is kept.
-        with_heading: whether the hypotheses tell headings; else kappa is kept. Held-out views have just the headings
-            of the others, so kappa is at most what headings anywhere within a step of them have: 12 times ``kappa_of``,
-            with which the search begins.
+        start: where the search begins, and what is kept; level and floor are always found.
+        free: what else is found. Held-out views have just the headings of the others, so kappa is at most what headings
+            anywhere within a step of them have: 12 times ``kappa_of``, with which the search begins.
     """
     sharpest = min(12.0 * start.kappa, KAPPAS[1])
+    middle = float(queries.score.mean())  # slope and floor are then told apart more easily
+    first = np.array([*(np.log(getattr(start, name)) for name in free), FLOOR_START])
+    priors = np.array([*(PRIORS[name] for name in free), FLOOR_PRIOR])
 
-    def parts(parameters: Floats) -> tuple[float, float, float, float]:
-        slope = float(np.exp(parameters[0])) if with_slope else start.slope
-        kappa = float(np.exp(np.clip(parameters[2], np.log(KAPPAS[0]), np.log(sharpest)))) if with_heading else 0.0
-        return slope, float(np.exp(parameters[1])), kappa, float(parameters[3])
-
-    def logs(parameters: Floats) -> tuple[Floats, Floats]:
-        slope, sigma, kappa, log_floor = parts(parameters)
-        log_weights = slope * (queries.score - middle) - queries.log_density
-        squared = (queries.distance_m / sigma) ** 2
-        heading = kappa * (np.cos(queries.turn) - 1.0) - np.log(i0e(kappa))
-        there = np.logaddexp(log_floor, np.logaddexp.reduce(log_weights - squared / 2.0 + heading, axis=1))
-        mass = np.logaddexp.reduce(log_weights, axis=1) + np.log(2.0 * np.pi * sigma**2 / area_m2)
-        return there, np.logaddexp(log_floor, mass)
+    def scale_of(parameters: Floats) -> Scale:
+        found = dict(zip(free, np.exp(parameters[:-1]).tolist(), strict=True))
+        if "kappa" in found:
+            found["kappa"] = float(np.clip(found["kappa"], KAPPAS[0], sharpest))
+        scale = replace(start, log_floor=float(parameters[-1]), **found)
+        return replace(scale, level=-scale.slope * middle)
 
     def loss(parameters: Floats) -> float:
-        there, mean = logs(parameters)
-        return float(np.mean(mean - there)) + float(PRIORS @ (parameters - first) ** 2)
+        there, mean = _logs(queries, area_m2, scale_of(parameters))
+        return float(np.mean(mean - there) + priors @ (parameters - first) ** 2)
 
-    middle = float(queries.score.mean())  # slope and floor are then told apart more easily
-    first = np.array([np.log(max(start.slope, 1e-3)), np.log(start.sigma_m), np.log(max(start.kappa, 1.0)), -2.0])
-    found = minimize(loss, first, method="BFGS").x
-    slope, sigma, kappa, log_floor = parts(found)
-    to_one = -float(np.mean(logs(found)[1]))
+    found = scale_of(minimize(loss, first, method="BFGS").x)
+    to_one = -float(np.mean(_logs(queries, area_m2, found)[1]))
     best = float(np.quantile(queries.score.max(axis=1), BEST_QUANTILE))
-    return Scale(
-        slope, to_one - slope * middle, sigma, kappa if with_heading else start.kappa, log_floor + to_one, best
-    )
+    return replace(found, level=found.level + to_one, log_floor=found.log_floor + to_one, best=best)
+
+
+def _logs(queries: Queries, area_m2: float, scale: Scale) -> tuple[Floats, Floats]:
+    """Log of L at the true poses (Q,), and of its mean over the map (Q,)."""
+    log_weights = scale.slope * queries.score + scale.level - queries.log_density
+    log_kernels = -0.5 * (queries.distance_m / scale.sigma_m) ** 2
+    if queries.turn is not None:
+        log_kernels = log_kernels + scale.kappa * (np.cos(queries.turn) - 1.0) - np.log(i0e(scale.kappa))
+    there = np.logaddexp.reduce(log_weights + log_kernels, axis=1)
+    mass = np.logaddexp.reduce(log_weights, axis=1) + np.log(2.0 * np.pi * scale.sigma_m**2 / area_m2)
+    return np.logaddexp(scale.log_floor, there), np.logaddexp(scale.log_floor, mass)

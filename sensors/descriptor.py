@@ -52,7 +52,8 @@ class DescriptorConfig(ViewConfig):
     """
 
     slope: float = 18.0
-    margin: float = -0.15
+    margin: float = -0.107
+    log_floor: float = -2.12
     distance: Literal["cosine", "euclidean"] = "cosine"
     columns: int = 32
     model: str = ""

@@ -133,7 +133,10 @@ class Mix(Fusion):
 
 
 def product_of(parts: Sequence[Evidence], node_of: NodeOf, config: ProductConfig) -> Evidence:
-    """The product (7) of what several sensors say, their log-likelihoods added.
+    """The product (7) of what several sensors say: their log-likelihoods added, up to ``tolerance`` and ``most``.
+
+    With more than ``most`` hypotheses of weight in a part, as where a sensor names all views of a large map, the
+    lightest are left out whatever that changes: some nats at poses that only those explain.
 
     Hypotheses of one sensor keep their node, those that two agree on belong to the node nearest to where they do. The
     match of a node is the geometric mean of the sensors' best there, its distance the mean of their least.

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from sensors.calibration import (
+    FEWEST_POSITIONS,
     MOST_QUERIES,
+    Free,
     Scale,
     held_out,
     kappa_of,
     likeliest_scale,
     log_density,
+    log_density_of_cuts,
     match_of,
     spacing_of,
     spread_out,
@@ -94,31 +98,48 @@ class Neighbourhood:
         self.nodes = topo_map.nearest_node(poses[:, :2])
         rows = spread_out(len(poses), most_queries)
         between = distances(rows)
-        apart = np.linalg.norm(poses[rows, None, :2] - poses[None, :, :2], axis=2)
-        self.wrong = wrong_distance(between, apart, self.nodes)
-        self.scale = self._scale(poses, rows, between, held_out_works, with_heading)
-        self._log_density = log_density(poses, self.scale.sigma_m, self.scale.kappa if with_heading else 0.0)
+        self.wrong = wrong_distance(between, cdist(poses[rows, :2], poses[:, :2]), self.nodes)
+        fitted = self._fitted(topo_map, poses, (rows, between), with_heading) if held_out_works else None
+        if fitted is None:
+            density = log_density if held_out_works else log_density_of_cuts
+            kappa = config.kappa if with_heading else 0.0
+            fitted = self._plain(), density(poses, config.sigma_m, kappa)
+        self.scale, self._log_density = fitted
 
-    def _scale(self, poses: Floats, rows: Ints, between: Floats, held_out_works: bool, with_heading: bool) -> Scale:
-        """Fitted to the map where that works, else from the config."""
-        config, by_rank = self.config, self.config.weighting == "rank"
-        plain = Scale(
-            1.0 if by_rank else config.slope,
-            0.0 if by_rank else -config.slope * config.margin,
-            config.sigma_m,
-            config.kappa,
-            config.log_floor,
-        )
-        queries = None
-        if config.calibrated and held_out_works:
-            queries = held_out(poses, rows, between, self._score, config.neighbours)
-        if queries is None:
-            return plain
-        spacing = spacing_of(poses[:, :2])
-        area = len(np.unique(np.round(poses[:, :2], 6), axis=0)) * spacing**2
-        kappa = kappa_of(poses) if with_heading else config.kappa
-        start = Scale(plain.slope, 0.0, spacing, kappa, config.log_floor)
-        return likeliest_scale(queries, area, start, not by_rank, with_heading)
+    def _plain(self) -> Scale:
+        """As the settings have it."""
+        config = self.config
+        slope, margin = (1.0, 0.0) if config.weighting == "rank" else (config.slope, config.margin)
+        return Scale(slope, -slope * margin, config.sigma_m, config.kappa, config.log_floor)
+
+    def _fitted(
+        self, topo_map: TopoMap, poses: Floats, looks: tuple[Ints, Floats], with_heading: bool
+    ) -> tuple[Scale, Floats] | None:
+        """The scale from held-out views, and the log density (V,) that goes with it; None where that cannot be.
+
+        Args:
+            topo_map: theirs.
+            poses: (V, 3) of the views.
+            looks: indices (Q,) of views, and distances (Q, V) of their descriptors.
+            with_heading: whether a view tells a heading.
+        """
+        places = np.unique(self.nodes)
+        spacing = spacing_of(topo_map.positions[places])
+        if not self.config.calibrated or len(places) < FEWEST_POSITIONS:
+            return None
+        held = held_out(poses, *looks, self._score, self.config.neighbours, spacing)
+        if held is None:
+            return None
+        nearest, queries = held
+        step = kappa_of(poses[:, 2], self.nodes) if with_heading else None
+        kappa = step or self.config.kappa
+        density = log_density(poses, spacing, kappa if with_heading else 0.0)
+        free: list[Free] = ["sigma_m"]
+        free += [] if self.config.weighting == "rank" else ["slope"]
+        free += [] if step is None else ["kappa"]
+        queries = replace(queries, log_density=density[nearest], turn=queries.turn if with_heading else None)
+        start = replace(self._plain(), sigma_m=spacing, kappa=kappa)
+        return likeliest_scale(queries, len(places) * spacing**2, start, free), density
 
     def nearest(self, distance: Floats) -> Ints:
         """Indices (J,) of the views of the smallest distances (V,), nearest first."""
@@ -143,7 +164,7 @@ class Neighbourhood:
             poses=poses,
             nodes=self.nodes[chosen],
             match=match_of(distance, self.wrong),
-            distance=distance / max(self.wrong, np.finfo(float).tiny),
+            distance=distance / self.wrong,
             log_likelihoods=ratio - self._log_density[chosen],
             sigma=np.full(count, self.scale.sigma_m),
             kappa=np.full(count, self.scale.kappa if heading_known else 0.0),

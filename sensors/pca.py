@@ -42,7 +42,8 @@ class PCAMapConfig(ViewConfig):
     columns: int = 64
     memory_mb: float = 1000.0
     slope: float = 20.0
-    margin: float = -0.13
+    margin: float = -0.084
+    log_floor: float = -1.86
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -89,6 +90,8 @@ class PCAMap(ViewSensor):
             raise RuntimeError("PCAMap knows no map yet: call fit(topo_map) before extend(views)")
         if self._views.on_nodes:
             raise UserError(f"map {self._topo_map.name!r} has panoramas only; views can be added to views, not to cuts")
+        if not views:
+            return
         pictures: list[Pictures] = [{"rgb": view.image} for view in views]
         old, grown = self.basis, _as_incremental(self.basis)
         for batch in _batches(pictures):
@@ -106,7 +109,8 @@ class PCAMap(ViewSensor):
         features = min(self.config.features, len(views), int(np.prod(self._shape)))
         if 4e-6 * len(views) * np.prod(self._shape) <= self.config.memory_mb:
             prepared = np.stack([self._prepared(one) for one in views])
-            self._basis = PCA(features, random_state=0).fit(prepared)
+            with np.errstate(invalid="ignore"):  # a single view has no variance
+                self._basis = PCA(features, random_state=0).fit(prepared)
             return self._projected(prepared)
         self._basis = IncrementalPCA(features)
         for batch in _batches(views, at_least=features):

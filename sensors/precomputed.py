@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -26,7 +28,7 @@ def read_vectors(path: Path) -> Floats:
         vectors = np.load(path, allow_pickle=False)
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror or 'cut off'})", remedy) from None
-    except (ValueError, EOFError):
+    except (ValueError, EOFError, MemoryError, BadZipFile, TokenError):  # whatever a broken header makes numpy do
         raise InputError(path, "is no .npy file of numbers", remedy) from None
     if not isinstance(vectors, np.ndarray) or vectors.dtype.kind not in "fiu":
         raise InputError(path, "is no .npy file of numbers", remedy)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.experiments.experiment import Experiment, Measured, Quantity
+from benchmarks.experiments.experiment import SECOND_SEED, Experiment, Measured, Quantity
 from benchmarks.experiments.illumination_ratio import FEATURES, LIGHTS, TUBES
 from benchmarks.experiments.picture import OTHER, OURS, THESIS
 from benchmarks.worlds.office import LargeOfficeWorld, OfficeRoute, OfficeSettings
@@ -218,4 +218,5 @@ EXPERIMENT = Experiment(
     measure=measure,
     quantities=tuple(row for condition in CONDITIONS for row in _rows(condition)),
     draw=draw,
+    document=SECOND_SEED,
 )

@@ -17,6 +17,7 @@ from sensors.calibration import (
     kappa_of,
     likeliest_scale,
     log_density,
+    log_density_of_cuts,
     match_of,
     spacing_of,
     spread_out,
@@ -98,11 +99,32 @@ def test_density_is_counted_in_parts_as_in_one() -> None:
 
 def test_spacing_and_steps_of_a_grid() -> None:
     poses = grid_poses(spacing=0.75, headings=24)
+    nodes = grid_map(poses).nearest_node(poses[:, :2])
     assert spacing_of(poses[:, :2]) == pytest.approx(0.75)
-    assert kappa_of(poses) == pytest.approx(1.0 / np.deg2rad(15.0) ** 2, rel=1e-4)
+    assert kappa_of(poses[:, 2], nodes) == pytest.approx(1.0 / np.deg2rad(15.0) ** 2)
     assert spacing_of(poses[:1, :2]) == 0.0
     np.testing.assert_array_equal(spread_out(3), [0, 1, 2])
     assert len(spread_out(5000)) == 256
+    assert len(spread_out(400_000)) == 10, "4 million pairs at most"
+
+
+def test_steps_of_headings_go_round_the_circle_and_copies_are_none() -> None:
+    def kappa(*degrees: float, nodes: tuple[int, ...] | None = None) -> float | None:
+        places = np.zeros(len(degrees), dtype=np.int64) if nodes is None else np.array(nodes)
+        return kappa_of(np.deg2rad(degrees), places)
+
+    assert kappa(-5.0, 5.0, 15.0, 25.0) == pytest.approx(1.0 / np.deg2rad(10.0) ** 2), "whatever the rest of the circle"
+    assert kappa(0.0, 90.0, 180.0, 270.0) == pytest.approx(0.5), "1 / 90 degrees squared is below the least"
+    fifteen = tuple(np.arange(0.0, 360.0, 15.0))
+    assert kappa(*fifteen) == pytest.approx(14.6, rel=0.05)
+    assert kappa(0.5, *fifteen) == pytest.approx(14.6, rel=0.05)
+    assert kappa(10.0) is None
+    assert kappa(10.0, 40.0, nodes=(0, 1)) is None, "one heading a place tells nothing"
+
+
+def test_cuts_are_counted_by_places_and_headings() -> None:
+    poses = grid_poses(4, 3, 24, 1.0)
+    np.testing.assert_allclose(log_density_of_cuts(poses, 0.6, 20.0), log_density(poses, 0.6, 20.0))
 
 
 def test_a_held_out_position_is_not_among_its_own_neighbours() -> None:
@@ -110,12 +132,39 @@ def test_a_held_out_position_is_not_among_its_own_neighbours() -> None:
     rows = spread_out(len(poses), 50)
     made = descriptors(poses, np.random.default_rng(1), 0.0)
     distances = np.linalg.norm(made[rows, None] - made[None], axis=2)
-    queries = held_out(poses, rows, distances, lambda distance: -distance, 10)
-    assert queries is not None
-    assert queries.distance_m.min() == pytest.approx(0.5)
-    assert queries.score.shape == (50, 10)
-    assert (np.diff(queries.score, axis=1) <= 0.0).all()
-    assert held_out(poses[:36], rows[rows < 36], distances[rows < 36][:, :36], lambda d: -d, 10) is None  # 3 positions
+    shaken = poses + np.array([0.02, 0.02, 0.0]) * np.random.default_rng(2).uniform(-1.0, 1.0, poses.shape)
+    for views in (poses, shaken):
+        held = held_out(views, rows, distances, lambda distance: -distance, 10, 0.5)
+        assert held is not None
+        nearest, queries = held
+        assert queries.distance_m.min() > 0.4
+        assert queries.score.shape == nearest.shape == (50, 10)
+        assert (np.diff(queries.score, axis=1) <= 0.0).all()
+        np.testing.assert_allclose(
+            queries.distance_m[:, 0], np.linalg.norm((views[nearest[:, 0]] - views[rows])[:, :2], axis=1)
+        )
+    alone = poses[:12]
+    assert held_out(alone, np.arange(3), distances[:3, :12], lambda distance: -distance, 10, 0.5) is None
+
+
+def neighbourhood_of(poses: Floats, topo_map: TopoMap, noise: float = 0.5) -> tuple[Neighbourhood, Floats]:
+    made = descriptors(poses, np.random.default_rng(2), noise)
+    between = np.linalg.norm(made[:, None] - made[None], axis=2)
+    return Neighbourhood(topo_map, poses, partial(np.take, between, axis=0), NeighbourConfig()), made
+
+
+@pytest.mark.parametrize("sd_m", [1e-5, 0.02])
+def test_positions_need_not_agree_to_the_micrometre(sd_m: float) -> None:
+    """Measured poses, or a camera beside the axis that its head turns on."""
+    poses = grid_poses()
+    topo_map = grid_map(poses)
+    exact = neighbourhood_of(poses, topo_map)[0].scale
+    shaken = poses.copy()
+    shaken[:, :2] += sd_m * np.random.default_rng(3).normal(size=(len(poses), 2))
+    scale = neighbourhood_of(shaken, topo_map)[0].scale
+    assert scale.sigma_m == pytest.approx(exact.sigma_m, rel=0.2)
+    assert scale.kappa == pytest.approx(exact.kappa, rel=0.2)
+    assert scale.slope == pytest.approx(exact.slope, rel=0.3)
 
 
 def drawn(scale: Scale, area: float, rng: np.random.Generator, count: int = 4000) -> Queries:
@@ -133,7 +182,7 @@ def drawn(scale: Scale, area: float, rng: np.random.Generator, count: int = 4000
 
 def test_the_scale_that_looks_were_drawn_with_is_found_again() -> None:
     true, area = Scale(4.0, 0.0, 0.5, 15.0, -1.0), 100.0
-    found = likeliest_scale(drawn(true, area, np.random.default_rng(5)), area, START, True, True)
+    found = likeliest_scale(drawn(true, area, np.random.default_rng(5)), area, START, ("slope", "sigma_m", "kappa"))
     assert found.slope == pytest.approx(4.0, rel=0.2)
     assert found.sigma_m == pytest.approx(0.5, rel=0.05)
     assert found.kappa == pytest.approx(15.0, rel=0.1)
@@ -142,29 +191,49 @@ def test_the_scale_that_looks_were_drawn_with_is_found_again() -> None:
 
 def test_a_rank_keeps_its_slope_and_an_unknown_heading_its_kappa() -> None:
     queries = drawn(Scale(1.0, 0.0, 0.5, 15.0, -1.0), 400.0, np.random.default_rng(6))
-    found = likeliest_scale(queries, 400.0, START, with_slope=False, with_heading=False)
+    found = likeliest_scale(replace(queries, turn=None), 400.0, START, ("sigma_m",))
     assert (found.slope, found.kappa) == (START.slope, START.kappa)
+    assert found.sigma_m == pytest.approx(0.5, rel=0.2)
 
 
 def test_the_mean_likelihood_over_the_map_is_one() -> None:
-    """So that LOST, which is judged by p(evidence | past), means the same with every sensor."""
+    """In the geometric mean over held-out views; so LOST, judged by p(evidence | past), means the same everywhere."""
     poses = grid_poses()
-    made = descriptors(poses, np.random.default_rng(2), 0.5)
-    neighbourhood = Neighbourhood(
-        grid_map(poses), poses, lambda rows: np.linalg.norm(made[rows, None] - made[None], axis=2), NeighbourConfig()
-    )
+    topo_map = grid_map(poses)
+    neighbourhood, made = neighbourhood_of(poses, topo_map)
     logs = []
-    for row in range(0, len(poses), 37):
-        distance = np.linalg.norm(made - made[row], axis=1)
+    for row in spread_out(len(poses)):
+        left = np.linalg.norm(poses[:, :2] - poses[row, :2], axis=1) > 0.1
+        distance = np.where(left, np.linalg.norm(made - made[row], axis=1), np.inf)
         chosen = neighbourhood.nearest(distance)
+        scale = replace(neighbourhood.scale, best=np.inf)
+        neighbourhood.scale, capped = scale, neighbourhood.scale
         evidence = neighbourhood.evidence(chosen, distance[chosen], poses[chosen])
-        around = np.linspace(-1.0, 5.0, 40)
-        where = np.stack(np.meshgrid(around, around), axis=-1).reshape(-1, 2)
-        values = np.exp(evidence.log_likelihood(where, np.linspace(-np.pi, np.pi, 24, endpoint=False)[None]))
-        area = len(np.unique(poses[:, :2], axis=0)) * 0.25
-        floor = np.exp(evidence.log_floor)
-        logs.append(np.log(floor + (values - floor).mean() * 36.0 / area))
-    assert abs(np.mean(logs)) < 1.5  # 18 where a match better than any held-out one is taken at its word
+        neighbourhood.scale = capped
+        logs.append(np.logaddexp(evidence.log_floor, evidence.log_mass - np.log(len(topo_map.nodes) * 0.25)))
+    assert np.mean(logs) == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_match_beyond_all_that_is_known_is_taken_for_no_more() -> None:
+    """A frame that is a view of the map: its likelihood is not the exponential of that."""
+    poses = grid_poses()
+    neighbourhood, made = neighbourhood_of(poses, grid_map(poses))
+    distance = np.linalg.norm(made - made[100], axis=1)
+    chosen = neighbourhood.nearest(distance)
+    evidence = neighbourhood.evidence(chosen, distance[chosen], poses[chosen])
+    scale = neighbourhood.scale
+    ratios = evidence.log_likelihoods + neighbourhood._log_density[chosen]
+    assert ratios.max() == pytest.approx(scale.slope * scale.best + scale.level)
+    np.testing.assert_allclose(np.diff(ratios), scale.slope * np.diff(evidence.match))
+
+
+def test_equal_pictures_of_wrong_places_leave_a_scale() -> None:
+    same = np.zeros((4, 4))
+    apart = 5.0 * (1.0 - np.eye(4))
+    assert wrong_distance(same, apart, np.arange(4)) == 1.0
+    some = same.copy()
+    some[0, 3] = some[3, 0] = 2.0
+    assert wrong_distance(some, apart, np.arange(4)) == 2.0
 
 
 def test_sharper_descriptors_claim_more() -> None:

@@ -174,12 +174,15 @@ def _laid_out(method: str, distances: Floats, config: LayoutConfig, seed: int) -
     import numpy as np
 
     from topoloc.cli.progress import bar
+    from topoloc.errors import UserError
     from topoloc.mapping import METHODS
 
     steps = METHODS[method](distances, config, np.random.default_rng(seed))
     with bar() as progress:
         total = config.iterations + 1 if method == "batch" else len(distances)
         *_, last = progress.track(steps, total=total, description="laying out")
+    if not np.isfinite(last.positions).all():
+        raise UserError("the springs flew apart; take a smaller --set layout.step, or another --stiffness")
     return last
 
 

@@ -19,7 +19,7 @@ StiffnessName = Literal["constant", "inverse", "inverse-square", "linear", "expo
 
 @dataclass(frozen=True)
 class LayoutConfig:
-    """Settings of the springs. The unit of lengths is the median natural length of the springs so far.
+    """Settings of the springs. The unit is the median natural length above 0 of the springs so far.
 
     Attributes:
         stiffness: k of a spring of natural length d: constant, inverse (1/d), inverse-square, linear (1 - d/reach, not
@@ -51,6 +51,8 @@ class LayoutConfig:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive and finite")
         if self.step > 0.5:
             raise ValueError(f"step is {self.step}; above 0.5 the springs may fly apart")
+        if self.step * self.damping > 0.5:
+            raise ValueError(f"step x damping is {self.step * self.damping:g}; above 0.5 the springs may fly apart")
         if self.iterations < 1 or self.iterations_each < 1:
             raise ValueError("iterations and iterations_each must be at least 1")
         if self.neighbours < 0:
@@ -123,9 +125,10 @@ def laid_out(method: str, distances: Floats, config: LayoutConfig, rng: np.rando
 
 
 def _lengths(distances: Floats, config: LayoutConfig) -> tuple[Floats, float]:
-    """Natural lengths (N, N), and the unit: their median."""
+    """Natural lengths (N, N), and the unit: the median of those above 0."""
     lengths = chained(distances, config.neighbours)
-    unit = float(np.median(lengths[np.triu_indices(len(lengths), 1)]))
+    springs = lengths[np.triu_indices(len(lengths), 1)]
+    unit = float(np.median(springs[springs > 0.0])) if (springs > 0.0).any() else 0.0
     return lengths, max(unit, np.finfo(np.float64).tiny)
 
 

@@ -192,3 +192,18 @@ def test_picture_beside_the_truth_and_alone() -> None:
     assert [axes.get_title() for axes in draw_layout(truth + 0.1, truth, edges, "m", "made").axes] == ["truth", "made"]
     alone = draw_layout(truth, None, edges, "m", "made")
     assert len(alone.axes) == 1 and len(alone.axes[0].lines) == len(edges)
+
+
+def test_most_images_alike_still_have_a_unit() -> None:
+    """Nine equal pictures and three others: the median distance is 0, and no length to measure by."""
+    spots = np.concatenate([np.zeros((9, 2)), [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]])
+    distances = np.linalg.norm(spots[:, None] - spots, axis=2)
+    last = laid_out("batch", distances, LayoutConfig(neighbours=0), np.random.default_rng(0))
+    assert np.isfinite(last.positions).all()
+    assert np.ptp(last.positions, axis=0).max() > 0.3
+
+
+def test_dampers_too_strong_for_the_step_are_refused() -> None:
+    with pytest.raises(ValueError, match="fly apart"):
+        LayoutConfig(damping=1.2)
+    LayoutConfig(damping=1.2, step=0.4)
