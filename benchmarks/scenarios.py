@@ -12,7 +12,7 @@ from topoloc.topo_map import TopoMap
 from topoloc.types import Frame
 
 if TYPE_CHECKING:
-    from benchmarks.worlds import WorldSettings
+    from benchmarks.worlds import World, WorldSettings
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,14 @@ class Scenario:
         description: one sentence for people.
         make: the drive of a seed; the same seed makes the same drive.
         settings: that it was made with, for ``config.toml``.
+        kinds: of image that its frames hold.
     """
 
     name: str
     description: str
     make: Callable[[int], Case]
     settings: Mapping[str, Any] = field(default_factory=dict)
+    kinds: frozenset[str] = frozenset({"rgb"})
 
 
 def default_scenarios(updates: int = 60) -> tuple[Scenario, ...]:
@@ -68,13 +70,38 @@ def default_scenarios(updates: int = 60) -> tuple[Scenario, ...]:
     )
 
 
+def further_scenarios(updates: int = 60) -> tuple[Scenario, ...]:
+    """Scenarios for sensors that the laboratory cannot feed, ``updates`` frames each; run where they are named."""
+    from benchmarks.worlds.image_grid import ImageGridSettings, ImageGridWorld
+    from benchmarks.worlds.office import OfficeSettings, OfficeWorld
+
+    stereo = OfficeSettings(updates=updates, stereo_baseline_m=0.12)
+    circles = ImageGridSettings(updates=updates, grid="5x10")
+    return (
+        Scenario(
+            "office-stereo",
+            "An office of training views, seen by a stereo camera whose head turns.",
+            partial(_simulated, OfficeWorld, stereo),
+            asdict(stereo),
+            frozenset({"rgb", "right"}),
+        ),
+        Scenario(
+            "hall-omni",
+            "A hall of 50 panoramas, a metre apart, seen by an omnidirectional camera.",
+            partial(_simulated, ImageGridWorld, circles),
+            asdict(circles),
+            frozenset({"omni"}),
+        ),
+    )
+
+
 def _laboratory(name: str, description: str, settings: WorldSettings) -> Scenario:
-    return Scenario(name, description, partial(_simulated, settings), asdict(settings))
-
-
-def _simulated(settings: WorldSettings, seed: int) -> Case:
     from benchmarks.worlds import LabWorld
 
-    drive = LabWorld(settings).simulate(seed)
+    return Scenario(name, description, partial(_simulated, LabWorld, settings), asdict(settings))
+
+
+def _simulated(world: type[World], settings: WorldSettings, seed: int) -> Case:
+    drive = world(settings).simulate(seed)
     kidnapped_at = (settings.kidnap_at,) if settings.kidnap_at >= 0 else ()
     return Case(drive.topo_map, drive.frames, drive.truth, kidnapped_at)

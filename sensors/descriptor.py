@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sensors.images import Views, grey, resize
+from sensors.images import MOST_COLUMNS, Views, grey, resize
 from sensors.onnx_model import OnnxModel, Runtime
 from sensors.precomputed import FrameVectors, read_vectors
 from sensors.view_sensor import Pictures, ViewConfig, ViewSensor
@@ -68,8 +68,8 @@ class DescriptorConfig(ViewConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.columns < 2:
-            raise ValueError(f"columns is {self.columns}; it must be at least 2")
+        if not 2 <= self.columns <= MOST_COLUMNS:
+            raise ValueError(f"columns is {self.columns}; it must lie between 2 and {MOST_COLUMNS}")
         if self.width < 0 or self.height < 0:
             raise ValueError("width and height must not be negative")
         if any(value <= 0.0 for value in self.std):
@@ -77,6 +77,8 @@ class DescriptorConfig(ViewConfig):
         files = [bool(name) for name in (self.map_vectors, self.frame_vectors, self.frame_times)]
         if any(files) and not all(files):
             raise ValueError("map_vectors, frame_vectors and frame_times belong together; set all three")
+        if not self.model and (self.width or self.height or self.mean or self.std):
+            raise ValueError("width, height, mean and std are a model's; set model, too")
         if self.model and any(files):
             raise ValueError("model and map_vectors are both set; choose one")
 
@@ -94,6 +96,7 @@ class Descriptor(ViewSensor):
     """
 
     Config = DescriptorConfig
+    name = "descriptor"
 
     def __init__(
         self, config: DescriptorConfig | None = None, function: Callable[[Image], ArrayLike] | None = None

@@ -21,6 +21,9 @@ from topoloc.geometry import Floats
 from topoloc.topo_map import TopoMap
 from topoloc.types import Image, Pixels
 
+MOST_CELLS = 256
+"""Across: more would have no disparities to be averaged in them."""
+
 
 @dataclass(frozen=True)
 class DisparityConfig(ViewConfig):
@@ -44,8 +47,10 @@ class DisparityConfig(ViewConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.features < 1 or self.columns < 4:
-            raise ValueError("features must be at least 1 and columns at least 4")
+        if self.features < 1:
+            raise ValueError(f"features is {self.features}; it must be at least 1")
+        if not 4 <= self.columns <= MOST_CELLS:
+            raise ValueError(f"columns is {self.columns}; it must lie between 4 and {MOST_CELLS}")
         for name in ("least_known", "least_cells"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must lie between 0 and 1")
@@ -72,6 +77,7 @@ class Disparity(ViewSensor):
     """
 
     Config = DisparityConfig
+    name = "disparity"
     config: DisparityConfig
     needs = frozenset({"rgb", "right"})
     _basis: MissingPCA | None = None
@@ -108,7 +114,7 @@ class Disparity(ViewSensor):
         if not topo_map.views or len(rights) < len(topo_map.views):
             lack = f"{len(topo_map.views) - len(rights)} of its views lack it" if topo_map.views else "it has no views"
             raise UserError(
-                f"map {topo_map.name!r}: Disparity needs training views with a right picture each, and {lack}; "
+                f"map {topo_map.name!r}: {self.name} needs training views with a right picture each, and {lack}; "
                 "name them in the column 'right' of views.csv, or choose another sensor"
             )
         views = super()._views_of(topo_map)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from sensors.homomorphic import HomomorphicConfig, Pixels32, homomorphic
-from sensors.images import camera_on_nodes, grey, resize
+from sensors.images import MOST_COLUMNS, camera_on_nodes, grey, resize
 from sensors.neighbourhood import BASE_MATCH, NeighbourConfig, Neighbourhood, Weighting
 from topoloc.errors import UserError
 from topoloc.geometry import Floats, wrap
@@ -46,6 +46,8 @@ class FourierSignatureConfig(NeighbourConfig):
         super().__post_init__()
         if self.rows < 1:
             raise ValueError(f"rows is {self.rows}; it must be at least 1")
+        if self.columns > MOST_COLUMNS:
+            raise ValueError(f"columns is {self.columns}; it must be at most {MOST_COLUMNS}")
         if not 2 <= self.components <= self.columns // 2:
             raise ValueError(f"components is {self.components}; it must lie between 2 and half of columns")
 
@@ -71,14 +73,13 @@ class FourierSignature:
         Raises:
             UserError: the map has no panoramas, or filtered ones, which its frames are not.
         """
-        name = type(self).__name__
         nodes = [(node, node.panorama) for node in topo_map.nodes if node.panorama is not None]
         if not nodes:
-            raise UserError(f"map {topo_map.name!r}: {name} compares panoramas, and no node has one; add some")
+            raise UserError(f"map {topo_map.name!r}: fourier compares panoramas, and no node has one; add some")
         if topo_map.filtered:
             raise UserError(
-                f"map {topo_map.name!r}: its panoramas are filtered, and omni frames are not; {name} needs plain ones: "
-                "make them with 'topoloc panorama --no-clahe'"
+                f"map {topo_map.name!r}: its panoramas are filtered, and omni frames are not; fourier needs plain "
+                "ones: make them with 'topoloc panorama --no-clahe'"
             )
         camera = topo_map.camera
         self._size = _size(self.config.columns, camera.height, camera.panorama_columns())

@@ -16,6 +16,8 @@ from topoloc.geometry import Floats
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Frame, Image, Ints
 
+MOST_BINS = 1024
+"""There are 256 levels; more bins than this would only be emptier."""
 BANDS = 6
 """Hue, lightness, saturation, and normalised red, green, blue (Ulrich & Nourbakhsh, whom the thesis cites)."""
 WIDTH = 96
@@ -50,8 +52,8 @@ class ColorHistogramConfig(ViewConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.bins < 2:
-            raise ValueError(f"bins is {self.bins}; it must be at least 2")
+        if not 2 <= self.bins <= MOST_BINS:
+            raise ValueError(f"bins is {self.bins}; it must lie between 2 and {MOST_BINS}")
         if not 0.0 < self.smoothing < 1.0:
             raise ValueError(f"smoothing is {self.smoothing}; it must lie between 0 and 1")
         if self.voting not in ("none", "unanimous"):
@@ -98,6 +100,7 @@ class ColorHistogram(ViewSensor):
     """
 
     Config = ColorHistogramConfig
+    name = "histogram"
     config: ColorHistogramConfig
 
     def observe(self, frame: Frame) -> Evidence:

@@ -228,8 +228,9 @@ class IMA:
         """
         lacking = [node.id for node in topo_map.nodes if node.panorama is None]
         if lacking:
-            names = ", ".join(lacking[:5])
-            raise UserError(f"map {topo_map.name!r}: ima needs a panorama at every node; add one for {names}")
+            names = ", ".join(lacking[:5]) + (f" and {len(lacking) - 5} more" if len(lacking) > 5 else "")
+            remedy = f"add one for {names}, or choose another sensor"
+            raise UserError(f"map {topo_map.name!r}: ima needs a panorama at every node; {remedy}")
         camera = topo_map.camera
         self._camera, self._filtering = camera, self.config.clahe and not topo_map.filtered
         panoramas = [node.panorama for node in topo_map.nodes if node.panorama is not None]

@@ -13,6 +13,8 @@ from topoloc.geometry import Floats, compose, wrap
 from topoloc.topo_map import Camera, TopoMap, View
 from topoloc.types import Image, Ints
 
+MOST_COLUMNS = 2048
+"""That a sensor scales pictures to; more would fill memory, and tell nothing more of places."""
 VIEW_STEP_DEG = 15.0
 """Where a map has no training views, one is cut from each panorama every so many degrees."""
 

@@ -91,7 +91,7 @@ class LocalFeatures:
             return
         nodes = [(node, node.panorama) for node in topo_map.nodes if node.panorama is not None]
         if not nodes:
-            raise UserError(f"map {topo_map.name!r}: LocalFeatures needs training views or panoramas; add either")
+            raise UserError(f"map {topo_map.name!r}: local needs training views or panoramas; add either")
         self._fit_panoramas(topo_map, nodes)
 
     def observe(self, frame: Frame) -> Evidence:

@@ -24,6 +24,7 @@ from sensors.calibration import (
     spread_out,
     wrong_distance,
 )
+from topoloc.errors import UserError
 from topoloc.geometry import Floats
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Ints
@@ -82,6 +83,9 @@ class Neighbourhood:
         nodes: (V,) node of each view.
         wrong: distance of a match of 0.5.
         scale: from score to log-likelihood.
+
+    Raises:
+        UserError: all views look the same.
     """
 
     def __init__(
@@ -98,6 +102,8 @@ class Neighbourhood:
         self.nodes = topo_map.nearest_node(poses[:, :2])
         rows = spread_out(len(poses), most_queries)
         between = distances(rows)
+        if len(poses) > 1 and not between.any():
+            raise UserError(f"map {topo_map.name!r}: all {len(poses)} views look the same to the sensor; check them")
         self.wrong = wrong_distance(between, cdist(poses[rows, :2], poses[:, :2]), self.nodes)
         fitted = self._fitted(topo_map, poses, (rows, between), with_heading) if held_out_works else None
         if fitted is None:

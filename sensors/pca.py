@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from sensors.images import PREPROCESSING, grey, resize
+from sensors.images import MOST_COLUMNS, PREPROCESSING, grey, resize
 from sensors.view_sensor import Pictures, ViewConfig, ViewSensor
 from topoloc.errors import UserError
 from topoloc.geometry import Floats
@@ -47,8 +47,12 @@ class PCAMapConfig(ViewConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.features < 1 or self.columns < 4:
-            raise ValueError("features must be at least 1 and columns at least 4")
+        if self.features < 1:
+            raise ValueError(f"features is {self.features}; it must be at least 1")
+        if not 4 <= self.columns <= MOST_COLUMNS:
+            raise ValueError(f"columns is {self.columns}; it must lie between 4 and {MOST_COLUMNS}")
+        if self.memory_mb <= 0.0:
+            raise ValueError(f"memory_mb is {self.memory_mb}; it must be above 0")
         if self.preprocessing not in PREPROCESSING:
             raise ValueError(f"preprocessing is {self.preprocessing!r}; choose from: {', '.join(PREPROCESSING)}")
 
@@ -61,6 +65,7 @@ class PCAMap(ViewSensor):
     """
 
     Config = PCAMapConfig
+    name = "pca"
     config: PCAMapConfig
     _basis: PCA | IncrementalPCA | None = None
     _shape: tuple[int, int]

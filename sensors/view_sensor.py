@@ -40,6 +40,8 @@ class ViewSensor(ABC):
     Config: ClassVar[type[ViewConfig]] = ViewConfig
     needs: frozenset[str] = frozenset({"rgb"})
     base_match: ClassVar[float] = BASE_MATCH
+    name: ClassVar[str]
+    """As people know it from ``topoloc list sensors``, for messages."""
 
     def __init__(self, config: Any = None) -> None:
         self.config: Any = self.Config() if config is None else config
@@ -91,9 +93,7 @@ class ViewSensor(ABC):
         """What the sensor trains on."""
         views = views_of(topo_map)
         if not views.images:
-            raise UserError(
-                f"map {topo_map.name!r}: {type(self).__name__} needs training views or panoramas; add either"
-            )
+            raise UserError(f"map {topo_map.name!r}: {self.name} needs training views or panoramas; add either")
         return views
 
     def _pictures(self, views: Views, index: int) -> Pictures:

@@ -19,6 +19,7 @@ from topoloc.errors import InputError, UnknownName, UserError
 if TYPE_CHECKING:
     from benchmarks.results import Row, Summary
     from benchmarks.runner import Suite
+    from benchmarks.scenarios import Scenario
 
 SEEDS, UPDATES = 2, 60
 QUICK_SEEDS, QUICK_UPDATES = 1, 20
@@ -72,8 +73,8 @@ def bench(
     Example: ``topoloc bench --sensors ima --estimators activity grid --seeds 5``
 
     Args:
-        scenarios: Names of scenarios; all by default.
-        sensors: Names of sensor models, or of several as one: a+b, 'mix(a,b)'; each that is installed by default.
+        scenarios: By default lab-fresh, lab-people and lab-kidnapped; others: office-stereo, hall-omni.
+        sensors: Names of sensor models, or of several as one: a+b, 'mix(a,b)'; by default all that the scenarios suit.
         estimators: Names of estimators; all that are installed by default.
         seeds: Drives of each scenario.
         updates: Frames of each drive.
@@ -112,17 +113,37 @@ def _choose(
     updates: int,
 ) -> Choice:
     """What to run, names checked. Raises ``UserError``."""
-    from benchmarks.scenarios import default_scenarios
-    from topoloc.plugins import ESTIMATORS, SENSORS, known_sensor, names
+    from benchmarks.scenarios import default_scenarios, further_scenarios
+    from topoloc.plugins import ESTIMATORS, known_sensor, names
 
-    known = sorted(names(SENSORS), key=lambda name: (name != DRAWN_SENSOR, name))
+    known = (*default_scenarios(), *further_scenarios())
+    chosen = tuple(s for s in known if s.name in scenarios) if scenarios else default_scenarios()
     return Choice(
-        scenarios=_known("scenario", scenarios, [scenario.name for scenario in default_scenarios()]),
-        sensors=tuple(dict.fromkeys(map(known_sensor, sensors or known))),
+        scenarios=_known("scenario", scenarios or [s.name for s in chosen], [s.name for s in known]),
+        sensors=tuple(dict.fromkeys(map(known_sensor, sensors))) if sensors else _sensors_for(chosen),
         estimators=_known("estimator", estimators, names(ESTIMATORS)),
         seeds=seeds,
         updates=updates,
     )
+
+
+def _sensors_for(scenarios: Sequence[Scenario]) -> tuple[str, ...]:
+    """All sensors that one of the scenarios has the images for, the drawn one first; says which are left out."""
+    from topoloc.plugins import SENSORS, load, names
+
+    kinds, chosen, left = [scenario.kinds for scenario in scenarios], [], []
+    for name in sorted(names(SENSORS), key=lambda name: (name != DRAWN_SENSOR, name)):
+        try:
+            needs = frozenset(load(SENSORS, name).needs)
+        except (UserError, AttributeError):  # a package is missing, or needs depend on settings: its rows will say so
+            needs = frozenset()
+        if any(needs <= images for images in kinds):
+            chosen.append(name)
+        else:
+            left.append(f"{name} ({', '.join(sorted(needs))} images)")
+    if left:
+        print(f"left out, since no scenario here has what they need: {', '.join(left)}")
+    return tuple(chosen)
 
 
 def _known(what: str, wanted: Sequence[str] | None, known: Sequence[str]) -> tuple[str, ...]:
@@ -137,11 +158,12 @@ def _suite(choice: Choice) -> Suite:
     from functools import partial
 
     from benchmarks.runner import Suite
-    from benchmarks.scenarios import default_scenarios
+    from benchmarks.scenarios import default_scenarios, further_scenarios
     from topoloc.plugins import make_estimator, make_sensor
 
+    known = (*default_scenarios(choice.updates), *further_scenarios(choice.updates))
     return Suite(
-        scenarios=tuple(s for s in default_scenarios(choice.updates) if s.name in choice.scenarios),
+        scenarios=tuple(s for s in known if s.name in choice.scenarios),
         sensors={name: partial(make_sensor, name) for name in choice.sensors},
         estimators={name: partial(make_estimator, name) for name in choice.estimators},
         seeds=tuple(range(choice.seeds)),
@@ -269,6 +291,8 @@ def _finish(folder: Path) -> None:
     rows = read_results(folder / "results.csv")
     _print_tables(rows)
     bad = [row for row in rows if row.status != "ok"]
+    if bad and len(bad) == len(rows):
+        raise UserError(f"no run gave a result, e.g. {bad[0].status}: {bad[0].reason}; choose others")
     if bad:
         print(f"{len(bad)} of {len(rows)} runs gave no result, e.g. {bad[0].status}: {bad[0].reason}")
     for path in (folder / "results.csv", folder / "config.toml", report):
@@ -288,9 +312,11 @@ def _print_tables(rows: Sequence[Row]) -> None:
     for scenario in dict.fromkeys(row.scenario for row in rows):
         own = [row for row in rows if row.scenario == scenario]
         sensors = list(dict.fromkeys(row.sensor for row in own if row.status == "ok"))
-        title = f"{escape(scenario)} (simulated): node accuracy, %, mean ± standard deviation"
+        if not sensors:
+            continue
+        console.print(f"{escape(scenario)} (simulated): node accuracy, %, mean ± standard deviation", style="italic")
         heads = (escape(name).replace("-", "-\n") for name in sensors)
-        table = Table("", *heads, title=title, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
+        table = Table("", *heads, box=box.SIMPLE, padding=(0, 1, 0, 0))
         for estimator in dict.fromkeys(row.estimator for row in own):
             cells = (_screen_cell(accuracy.get((scenario, sensor, estimator))) for sensor in sensors)
             table.add_row(escape(estimator), *cells)

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 if TYPE_CHECKING:
+    from benchmarks.worlds.world import Simulation
     from topoloc.topo_map import TopoMap
 
 
@@ -48,7 +49,15 @@ def simulate(
         writer.close()
     print(f"{output / 'map'}: {_contents(made.topo_map)} (simulated)")
     print(f"{output / 'recording'}: {len(made.frames)} frames with odometry and ground truth (simulated)")
-    print(f"next: topoloc localize {output / 'map'} {output / 'recording'} -o {output / 'run'}")
+    named = f"{_sensor_for(made)} " if _sensor_for(made) else ""
+    print(f"next: topoloc localize {output / 'map'} {output / 'recording'} {named}-o {output / 'run'}")
+
+
+def _sensor_for(made: Simulation) -> str:
+    """The option that names a sensor, where the default one cannot use the map or the frames."""
+    if "omni" in made.frames[0].images:
+        return "--sensor fourier"
+    return "" if made.topo_map.nodes[0].panorama is not None else "--sensor pca"
 
 
 def _contents(topo_map: TopoMap) -> str:

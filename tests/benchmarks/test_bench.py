@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.cli.bench import Choice, bench
+from benchmarks.cli.bench import Choice, _sensors_for, bench
 from benchmarks.results import read_results
+from benchmarks.scenarios import default_scenarios, further_scenarios
 from topoloc.errors import UnknownName, UserError
 
 SMALL = {"scenarios": ["lab-fresh"], "sensors": ["histogram"], "estimators": ["best-match", "grid"]}
@@ -80,3 +81,31 @@ def test_a_run_with_other_settings_is_not_continued(tmp_path: Path) -> None:
         else:
             with pytest.raises(UserError, match=r"config.toml.*\[estimators\].*start a new run"):
                 bench(resume=folder, jobs=1)
+
+
+def test_sensors_that_no_scenario_can_feed_are_named_and_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+    chosen = _sensors_for(default_scenarios())
+    assert chosen[0] == "ima"
+    assert not {"disparity", "fourier"} & set(chosen)
+    out = capsys.readouterr().out
+    assert "disparity (rgb, right images)" in out
+    assert "fourier (omni images)" in out
+    stereo, circles = further_scenarios()
+    assert "disparity" in _sensors_for([stereo])
+    assert _sensors_for([circles]) == ("fourier",)
+
+
+def test_what_gives_no_result_at_all_is_a_mistake(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"no run gave a result.*omni images"):
+        bench(sensors=["fourier"], estimators=["grid"], seeds=1, updates=3, jobs=1, out=tmp_path / "run")
+    assert (tmp_path / "run" / "results.csv").exists()
+
+
+def test_a_scenario_of_full_circles(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What makes a scenario, its kinds of image and the sensor that it is for, fit together."""
+    for scenario in (*default_scenarios(3), *further_scenarios(3)):
+        if scenario.name != "office-stereo":  # some hundred views to be rendered
+            assert scenario.make(1).kinds == scenario.kinds
+    bench(scenarios=["hall-omni"], estimators=["grid"], seeds=1, updates=3, jobs=1, out=tmp_path / "run")
+    assert [row.status for row in read_results(tmp_path / "run" / "results.csv")] == ["ok"]
+    assert "hall-omni (simulated)" in capsys.readouterr().out

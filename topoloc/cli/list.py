@@ -64,6 +64,8 @@ def _print_things(console: Console, kind: str, things: Mapping[str, Any]) -> Non
     for name, thing in things.items():
         console.print()
         console.print(Text.assemble((name, "bold"), ": ", _summary(thing)))
+        if kind == "sensors":
+            console.print(f"  needs images: {', '.join(sorted(thing.needs))}")
         own = [setting for setting in settings[name] if setting not in shared]
         if own:
             _print_settings(console, own)

@@ -147,7 +147,13 @@ def _read_pictures(folder: Path) -> _Places:
     files = pictures_in(folder)
     number = np.arange(len(files))
     edges = np.column_stack([number[:-1], number[1:]])
-    return _Places([file.name for file in files], [read_image(file) for file in files], edges)
+    images = [read_image(file) for file in files]
+    for file, image in zip(files, images, strict=True):
+        if image.shape[:2] != images[0].shape[:2]:
+            sizes = [f"{one.shape[1]}x{one.shape[0]}" for one in (images[0], image)]
+            problem = f"sizes differ: {files[0].name} is {sizes[0]}, {file.name} is {sizes[1]}"
+            raise InputError(folder, problem, "lay out panoramas of one camera")
+    return _Places([file.name for file in files], images, edges)
 
 
 def _distances(eye: Any, name: str, places: _Places) -> Floats:
