@@ -64,6 +64,8 @@ def layout(
 ) -> None:
     """Lay out panoramas as they were taken, from how alike they look and nothing else.
 
+    Pictures of a folder are taken for full circles; ``topoloc unwrap`` makes them of an omnidirectional camera's.
+
     Writes ``layout.csv`` (image, x, y) and ``layout.png``. Images cannot tell scale, turn and reflection: 1 is the mean
     distance between images that follow each other, unless ``--spacing-m`` tells it. Where the source is a map, the
     positions of its nodes serve for the comparison at the end only.
