@@ -91,7 +91,11 @@ def section(experiment: Experiment, measured: Sequence[Measured]) -> str:
     ]
     if experiment.name in PICTURED:
         parts.append(f"![{experiment.title} (simulated)](pictures/experiments/{experiment.name}.png)\n")
-    return "\n".join([*parts, markdown(experiment, measured)])
+    parts.append(markdown(experiment, measured, details=False))
+    hidden = sum(quantity.detail for quantity in experiment.quantities)
+    if hidden:
+        parts.append(f"{hidden} more rows: `topoloc reproduce {experiment.name}`.\n")
+    return "\n".join(parts)
 
 
 ERRORS = {

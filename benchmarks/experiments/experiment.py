@@ -45,6 +45,7 @@ class Quantity:
         where: in the seed.
         digits: places behind the point.
         percent: the value is a share, and shown in per cent.
+        detail: the command's table has it, and the page does not.
     """
 
     key: str
@@ -53,6 +54,7 @@ class Quantity:
     where: str
     digits: int = 2
     percent: bool = False
+    detail: bool = False
 
     def shown(self, value: float) -> str:
         """A value as the table has it."""
@@ -126,12 +128,14 @@ def lines_of(experiment: Experiment, measured: Sequence[Measured]) -> list[Line]
     ]
 
 
-def markdown(experiment: Experiment, measured: Sequence[Measured]) -> str:
+def markdown(experiment: Experiment, measured: Sequence[Measured], details: bool = True) -> str:
     """The table in Markdown: published beside ours, mean ± standard deviation (least to most) over seeds."""
     columns = columns_of(measured)
     text = {(line.quantity.key, line.column): line.text() for line in lines_of(experiment, measured)}
     lines = [f"| | published | where | {' | '.join(columns)} |", "|---" * (3 + len(columns)) + "|"]
     for quantity in experiment.quantities:
+        if quantity.detail and not details:
+            continue
         cells = [text[quantity.key, column] for column in columns]
         lines.append(f"| {' | '.join([quantity.what, quantity.published, quantity.where, *cells])} |")
     return "\n".join(lines) + "\n"

@@ -202,13 +202,19 @@ def _draw_means(
 
 def _rows(lengths: str) -> tuple[Quantity, ...]:
     """Mu on one kind of lengths."""
-    known, lost = NOT_IN_THE_SEED, "5; curves lost"
+    known, lost, fine = NOT_IN_THE_SEED, "5; curves lost", lengths == "chains"
     return (
         *(Quantity(f"{name} {lengths}", f"{name}, {lengths}", known, lost, 3) for name in NAMES),
         *(Quantity(f"images {n} {lengths}", f"{n} images, {lengths}", known, lost, 3) for n in NUMBERS[:-1]),
-        *(Quantity(f"step {m} {lengths}", f"12 x 3 images, step {m} m, {lengths}", known, lost, 3) for m in STEPS_M),
-        *(Quantity(f"components {n} {lengths}", f"{n} components, {lengths}", known, lost, 3) for n in COMPONENTS),
-        *(Quantity(f"law {law} {lengths}", f"stiffness {law}, {lengths}", known, lost, 3) for law in LAWS),
+        *(
+            Quantity(f"step {m} {lengths}", f"12 x 3 images, step {m} m, {lengths}", known, lost, 3, detail=fine)
+            for m in STEPS_M
+        ),
+        *(
+            Quantity(f"components {n} {lengths}", f"{n} components, {lengths}", known, lost, 3, detail=fine)
+            for n in COMPONENTS
+        ),
+        *(Quantity(f"law {law} {lengths}", f"stiffness {law}, {lengths}", known, lost, 3, detail=fine) for law in LAWS),
     )
 
 

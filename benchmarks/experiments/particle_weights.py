@@ -35,6 +35,8 @@ FRAMES = 20
 PARTICLES = (1, 10, 100, 1000, 8000)
 ASSOCIATIONS = (1, 2, 5, 10, 20, 50, 150)
 """Numbers B of map images; a map of fewer has so many fewer points in its curve."""
+SHOWN_PARTICLES, SHOWN_ASSOCIATIONS = (10, 1000, 8000), (1, 5, 50)
+"""On the page of the experiments."""
 AT_PARTICLES = 8000
 """Particles while B is varied, as in the seed."""
 LIT, AT_LIGHT = "laboratory", 1000
@@ -248,18 +250,43 @@ def _rows(place: str, task: str) -> tuple[Quantity, ...]:
     images = [count for count in ASSOCIATIONS if count <= MAPPED[place]]
     return (
         *(
-            Quantity(f"{head} particles {n}", f"{about}: position error, {n} particles, m", *_MISSING)
+            Quantity(
+                f"{head} particles {n}",
+                f"{about}: position error, {n} particles, m",
+                *_MISSING,
+                detail=n not in SHOWN_PARTICLES,
+            )
             for n in PARTICLES
         ),
         Quantity(f"{head} left", f"{about}: left of the error of 10 by 8000, share", "decreases rapidly", "section 6"),
         *(
-            Quantity(f"{head} particles heading {n}", f"{about}: heading error, {n} particles, degrees", *_MISSING, 1)
+            Quantity(
+                f"{head} particles heading {n}",
+                f"{about}: heading error, {n} particles, degrees",
+                *_MISSING,
+                digits=1,
+                detail=n not in SHOWN_PARTICLES,
+            )
             for n in PARTICLES
         ),
         Quantity(f"{head} left heading", f"{about}: left of it", "similar results", "section 6"),
-        *(Quantity(f"{head} images {n}", f"{about}: position error, B = {n}, m", *_MISSING) for n in images),
         *(
-            Quantity(f"{head} images heading {n}", f"{about}: heading error, B = {n}, degrees", *_MISSING, 1)
+            Quantity(
+                f"{head} images {n}",
+                f"{about}: position error, B = {n}, m",
+                *_MISSING,
+                detail=n not in SHOWN_ASSOCIATIONS,
+            )
+            for n in images
+        ),
+        *(
+            Quantity(
+                f"{head} images heading {n}",
+                f"{about}: heading error, B = {n}, degrees",
+                *_MISSING,
+                digits=1,
+                detail=True,
+            )
             for n in images
         ),
         Quantity(f"{head} best images", f"{about}: B of the least error", *_MISSING, 0),
