@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,7 +17,7 @@ from sensors.block_matching import BlockMatchingConfig, averaged, disparities
 from sensors.disparity import Disparity, DisparityConfig
 from topoloc.errors import UserError
 from topoloc.files import read_image
-from topoloc.geometry import Floats, wrap
+from topoloc.geometry import wrap
 from topoloc.recording import LazyImages
 from topoloc.testing import check_sensor
 from topoloc.topo_map import TopoMap, View
@@ -69,9 +70,9 @@ class TestBlockMatching:
     def test_colour_and_grey_give_the_same(self) -> None:
         wide = noise(60, 200)
         left, right = np.ascontiguousarray(wide[:, 20:180]), np.ascontiguousarray(wide[:, 25:185])
-        both = [disparities(left, right, MATCHING)]
-        both.append(disparities(*(np.repeat(image[..., None], 3, axis=2) for image in (left, right)), MATCHING))
-        np.testing.assert_array_equal(*both)
+        colour = [np.repeat(image[..., None], 3, axis=2) for image in (left, right)]
+        in_colour = disparities(colour[0], colour[1], MATCHING)
+        np.testing.assert_array_equal(in_colour, disparities(left, right, MATCHING))
 
     def test_different_sizes_are_refused(self) -> None:
         with pytest.raises(UserError, match="160x60 and 80x30"):
@@ -88,7 +89,7 @@ class TestBlockMatching:
     @pytest.mark.parametrize(
         "wrong", [{"range_share": 0.0}, {"window": 4}, {"uniqueness": -1}, {"texture": -1.0}, {"patch_px": -1}]
     )
-    def test_settings_that_make_no_sense(self, wrong: dict[str, float]) -> None:
+    def test_settings_that_make_no_sense(self, wrong: dict[str, Any]) -> None:
         with pytest.raises(ValueError, match=next(iter(wrong))):
             replace(MATCHING, **wrong)
 
@@ -127,7 +128,7 @@ def sensor(office: TopoMap) -> Disparity:
 
 
 class TestSimulatedPairs:
-    def errors(self, frames: list[Frame]) -> tuple[Floats, Floats]:
+    def errors(self, frames: list[Frame]) -> tuple[Any, Any]:
         """Found disparities of all pixels, and how far off they are by the true depth [px]; NaN where unknown."""
         found = np.stack([disparities(frame.images["rgb"], frame.images["right"], MATCHING) for frame in frames])
         depth: Depth = np.stack([frame.images["depth"] for frame in frames])
@@ -224,7 +225,7 @@ class TestSensor:
             Disparity().distances_between([noise(60, 80)])
 
     @pytest.mark.parametrize("wrong", [{"features": 0}, {"columns": 3}, {"least_known": 1.5}, {"least_cells": -0.1}])
-    def test_settings_that_make_no_sense(self, wrong: dict[str, float]) -> None:
+    def test_settings_that_make_no_sense(self, wrong: dict[str, Any]) -> None:
         with pytest.raises(ValueError, match=next(iter(wrong))):
             replace(SETTINGS, **wrong)
 
@@ -244,7 +245,8 @@ class TestRealPairs:
         """Matched the other way round, nearly every pixel finds back to where it came from."""
         left, right = self.pair(number)
         found = disparities(left, right, MATCHING)
-        back = disparities(*(np.ascontiguousarray(image[:, ::-1]) for image in (right, left)), MATCHING)[:, ::-1]
+        mirrored = [np.ascontiguousarray(image[:, ::-1]) for image in (right, left)]
+        back = disparities(mirrored[0], mirrored[1], MATCHING)[:, ::-1]
         assert 0.3 < np.isfinite(found).mean() < 0.5
         row, column = np.nonzero(np.isfinite(found))
         returned = back[row, np.rint(column - found[row, column]).astype(int)]

@@ -139,7 +139,7 @@ def test_filtered_panoramas_have_no_colour_to_compare() -> None:
 def by_hand(one: Floats, others: Floats) -> Floats:
     """Jeffrey divergences (V, BANDS) of histograms (BANDS, bins) and (V, BANDS, bins), as the formula has it."""
     mean = (one + others) / 2.0
-    return (one * np.log(one / mean) + others * np.log(others / mean)).sum(axis=2)
+    return np.asarray((one * np.log(one / mean) + others * np.log(others / mean)).sum(axis=2))
 
 
 def test_jeffrey_divergence() -> None:

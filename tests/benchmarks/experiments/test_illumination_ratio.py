@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from benchmarks.experiments.experiment import AS_PUBLISHED
 from benchmarks.experiments.illumination_ratio import (
@@ -69,7 +70,7 @@ def test_published_bars_stand_beside_ours() -> None:
     figure = Figure()
     one = {f"{process} mean ratio": 1.0 for process in PROCESSES}
     EXPERIMENT.draw([{AS_PUBLISHED: one}], figure)
-    heights = [bar.get_height() for bar in figure.axes[0].patches]
+    heights = [bar.get_height() for bar in figure.axes[0].patches if isinstance(bar, Rectangle)]
     assert heights[: len(PROCESSES)] == [4.24, 1.67, 1.24, 0.73]
 
 
