@@ -58,8 +58,9 @@ class PCAMapConfig(ViewConfig):
 
 
 class PCAMap(ViewSensor):
-    """Second seed, 2 and 3: y = W z (1), W the leading principal components of the map's views z.
+    """Whole views by their principal components: the appearance map of the second seed (2 and 3).
 
+    y = W z (1), the rows of W the leading principal components of the map's views z.
     The J views nearest in feature space become hypotheses. ``weighting=rank`` weighs them by their rank, as the seed's
     sensor model does; the default weighs them by their match, so that a frame that fits nowhere says less.
     """

@@ -7,10 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from sensors.calibration import log_density, match_of, wrong_distance
 from sensors.histogram import (
     BANDS,
     BATCH,
@@ -26,7 +23,7 @@ from sensors.images import cut_views, views_of
 from topoloc.errors import UserError
 from topoloc.geometry import Floats, wrap
 from topoloc.topo_map import Camera, Node, TopoMap, View
-from topoloc.types import Evidence, Frame
+from topoloc.types import Frame
 
 CAMERA = Camera(40.0, 48, 36)
 
@@ -79,44 +76,6 @@ def test_training_views_of_the_map_come_first() -> None:
     np.testing.assert_array_equal(views.poses, [view.pose])
     assert len(views.images) == 1
     np.testing.assert_array_equal(views.camera_poses(np.array([0]), np.array([0.1, 0.0, 0.0])), [view.pose])
-
-
-def test_half_is_what_95_percent_of_wrong_places_stay_below() -> None:
-    rng = np.random.default_rng(0)
-    distances, nodes = rng.uniform(1.0, 2.0, (40, 40)), np.arange(40)
-    wrong = wrong_distance(distances, 2.0 * np.abs(nodes[:, None] - nodes), nodes)
-    others = distances[~np.eye(40, dtype=bool)]
-    assert np.mean(match_of(others, wrong) < 0.5) == pytest.approx(0.95, abs=0.01)
-    assert match_of(np.zeros(1), wrong)[0] == 1.0
-
-
-@given(st.lists(st.floats(0.0, 50.0), min_size=2, max_size=9))
-def test_match_falls_with_the_distance(distances: list[float]) -> None:
-    match = match_of(np.sort(distances), 1.3)
-    assert (np.diff(match) <= 0).all()
-    assert ((match >= 0.0) & (match <= 1.0)).all()
-
-
-def likelihood_of(poses: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Log-likelihood at places (P, 3) of views that all match alike, their density taken out."""
-    count = len(poses)
-    ones = np.ones(count)
-    ratio = 1.5 - log_density(poses, 0.5, 8.0)
-    evidence = Evidence(poses, np.zeros(count, dtype=np.int64), ones, ones, ratio, 0.5 * ones, 8.0 * ones)
-    return np.array([evidence.log_likelihood(place[None, :2], place[None, 2:])[0, 0] for place in places])
-
-
-def test_a_corner_photographed_twice_changes_nothing() -> None:
-    """EQUATIONS.md, 4. Copies of all views change nothing at all, of some only where others stand close by."""
-    rng = np.random.default_rng(1)
-    poses = np.column_stack([rng.uniform(0, 4, (20, 2)), rng.uniform(-3, 3, 20)])
-    once = likelihood_of(poses, poses)
-    np.testing.assert_allclose(likelihood_of(np.concatenate([poses, poses]), poses), once, atol=1e-12)
-    part = likelihood_of(np.concatenate([poses, poses[:7]]), poses)
-    assert np.abs(part - once).max() < 0.3
-    assert np.median(np.abs(part - once)) < 0.02
-    ten_times = likelihood_of(np.concatenate([poses] + [poses[:1]] * 9), poses)
-    assert ten_times[0] - once[0] < 0.3  # without the density: log 10
 
 
 def test_views_cut_from_panoramas_put_the_axis_of_the_robot_on_the_node() -> None:
