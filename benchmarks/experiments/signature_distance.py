@@ -143,9 +143,9 @@ def draw(measured: Sequence[Measured], figure: Figure) -> None:
                 axes.plot(*curves.mean(axis=0), color=colour, linewidth=1.2, label=light)
             axes.set_title(f"{place}, {column}", fontsize=9)
             axes.set_ylim(bottom=0.0)
-    grid[0, 0].legend(frameon=False, fontsize=8)
+    grid[-1, -1].legend(frameon=False, fontsize=8, loc="lower right", ncols=2)
     figure.supxlabel("distance between the points [m]", fontsize=9)
-    figure.supylabel("distance of the signatures; 1: 95 % of wrong places exceed it", fontsize=9)
+    figure.supylabel("distance of signatures (1: of wrong places)", fontsize=9)
 
 
 def _rows(place: str, light: str) -> tuple[Quantity, ...]:
