@@ -19,7 +19,7 @@ from sensors.view_sensor import Pictures, ViewConfig, ViewSensor
 from topoloc.errors import UserError
 from topoloc.geometry import Floats
 from topoloc.topo_map import TopoMap
-from topoloc.types import Image, Pixels
+from topoloc.types import Image
 
 MOST_CELLS = 256
 """Across: more would have no disparities to be averaged in them."""
@@ -81,7 +81,6 @@ class Disparity(ViewSensor):
     config: DisparityConfig
     needs = frozenset({"rgb", "right"})
     _basis: MissingPCA | None = None
-    _ahead: tuple[Pixels, Pixels, Floats] | None = None  # cells of a pair that is about to be described
     _shape: tuple[int, int]
 
     @property
@@ -93,12 +92,7 @@ class Disparity(ViewSensor):
 
     def describe(self, pictures: Pictures) -> Floats:
         """Features (features,) of a frame's stereo pair."""
-        basis, ahead, self._ahead = self.basis, self._ahead, None
-        if ahead is not None and ahead[0] is pictures["rgb"] and ahead[1] is pictures["right"]:
-            cells = ahead[2]
-        else:
-            cells = self._cells(pictures)
-        features: Floats = self._features(basis, cells[None])[0]
+        features: Floats = self._features(self.basis, self._cells(pictures)[None])[0]
         return features
 
     def distances(self, queries: Floats, others: Floats) -> Floats:
@@ -131,17 +125,17 @@ class Disparity(ViewSensor):
         try:
             self._basis = missing_pca(cells, self.config.features, self.config.missing)
         except ValueError as error:
-            raise UserError(f"Disparity: {error}; take fewer features, more views, or a lower texture") from None
+            raise UserError(f"{self.name}: {error}; take fewer features, more views, or a lower texture") from None
         return self._features(self._basis, cells)
 
-    def _is_blind(self, pictures: Pictures) -> bool:
-        if super()._is_blind(pictures):
-            return True
+    def _seen(self, pictures: Pictures) -> Floats | None:
+        if self._is_blind(pictures):
+            return None
         cells = self._cells(pictures)
         if np.isfinite(cells[np.isfinite(self.basis.mean)]).mean() < self.config.least_cells:
-            return True
-        self._ahead = pictures["rgb"], pictures["right"], cells
-        return False
+            return None
+        features: Floats = self._features(self.basis, cells[None])[0]
+        return features
 
     def _cells(self, pictures: Pictures) -> Floats:
         """Disparity of each cell (rows * columns,), per cent of the picture's width; NaN where unknown."""

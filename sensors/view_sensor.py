@@ -70,9 +70,10 @@ class ViewSensor(ABC):
         """The nearest views as hypotheses; blind for a picture without contrast."""
         if self._views is None:
             raise RuntimeError(f"{type(self).__name__} knows no map yet: call fit(topo_map) before observe(frame)")
-        if self._is_blind(frame.images):
+        descriptor = self._seen(frame.images)
+        if descriptor is None:
             return Evidence.blind()
-        distance = self.distances(self.describe(frame.images)[None], self._descriptors)[0]
+        distance = self.distances(descriptor[None], self._descriptors)[0]
         chosen = self._neighbourhood.nearest(distance)
         poses = self._views.camera_poses(chosen, frame.camera)
         return self._neighbourhood.evidence(chosen, distance[chosen], poses)
@@ -103,6 +104,10 @@ class ViewSensor(ABC):
     def _learn(self, views: Sequence[Pictures]) -> Floats:
         """Descriptors (V, ...) of the views; a sensor that must know all before it describes one learns them here."""
         return np.stack([self.describe(pictures) for pictures in views])
+
+    def _seen(self, pictures: Pictures) -> Floats | None:
+        """Descriptor of a frame's pictures; None where they say nothing."""
+        return None if self._is_blind(pictures) else self.describe(pictures)
 
     def _is_blind(self, pictures: Pictures) -> bool:
         return bool(grey(pictures["rgb"]).std() < self.config.blind_deviation)

@@ -215,7 +215,7 @@ class TestSensor:
             Disparity().fit(replace(office, views=()))
 
     def test_too_many_features_are_refused(self, office: TopoMap) -> None:
-        with pytest.raises(UserError, match="Disparity: 20 features need more pixels"):
+        with pytest.raises(UserError, match="disparity: 20 features need more pixels"):
             Disparity().fit(replace(office, views=office.views[:5]))
 
     def test_before_a_map_and_without_pairs(self) -> None:
