@@ -36,6 +36,9 @@ NEAR_ZOOMED_M = 0.8
 """The same for the node of a hypothesis that zoom may place off it [m]."""
 VIEW_SENSORS = ("histogram", "pca", "local", "descriptor")
 """That compare with views cut from panoramas, where a map has no others."""
+VIEWS_START = ViewScale(slope=5.0, level=0.0, sigma_m=0.6, kappa=20.0, log_floor=-1.5)
+"""Where the fit begins. Width and sharpness are kept: fitted to single looks they are narrower (0.37 m and 60), and
+then filters, for which looks are independent, are right less often (0.74 of the nodes in place of 0.80)."""
 RULE_SENSORS = ("ima", "histogram")
 """Whose drives the estimators' rules are fitted on: one that matches panoramas and one that matches views."""
 WORLDS = (
@@ -92,11 +95,6 @@ def fit_scale(seen: Sequence[Drive]) -> Scale:
     share = float(hit.mean())
     margin = (np.log(share / (1.0 - share)) - intercept) / slope
     return Scale(float(slope), float(margin), share, float(np.std(np.concatenate(headings))))
-
-
-VIEWS_START = ViewScale(slope=5.0, level=0.0, sigma_m=0.6, kappa=20.0, log_floor=-1.5)
-"""Where the fit begins. Width and sharpness are kept: fitted to single looks they are narrower (0.37 m and 60), and
-then filters, for which looks are independent, are right less often (0.74 of the nodes in place of 0.80)."""
 
 
 def fit_views(seen: Sequence[Drive]) -> ViewScale:

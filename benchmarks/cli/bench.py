@@ -291,12 +291,12 @@ def _finish(folder: Path) -> None:
     rows = read_results(folder / "results.csv")
     _print_tables(rows)
     bad = [row for row in rows if row.status != "ok"]
-    if bad and len(bad) == len(rows):
-        raise UserError(f"no run gave a result, e.g. {bad[0].status}: {bad[0].reason}; choose others")
     if bad:
         print(f"{len(bad)} of {len(rows)} runs gave no result, e.g. {bad[0].status}: {bad[0].reason}")
     for path in (folder / "results.csv", folder / "config.toml", report):
         print(path)
+    if bad and len(bad) == len(rows):
+        raise UserError(f"no run gave a result ({bad[0].reason}); choose other sensors, estimators or scenarios")
 
 
 def _print_tables(rows: Sequence[Row]) -> None:

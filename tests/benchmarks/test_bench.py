@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,14 +11,14 @@ from benchmarks.results import read_results
 from benchmarks.scenarios import default_scenarios, further_scenarios
 from topoloc.errors import UnknownName, UserError
 
-SMALL = {"scenarios": ["lab-fresh"], "sensors": ["histogram"], "estimators": ["best-match", "grid"]}
+SMALL: dict[str, Any] = {"scenarios": ["lab-fresh"], "sensors": ["histogram"], "estimators": ["best-match", "grid"]}
 
 
 def test_the_command_writes_its_three_files_and_goes_on_where_it_stopped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "run"
-    bench(**SMALL, seeds=1, updates=3, jobs=1, out=folder)  # type: ignore[arg-type]
+    bench(**SMALL, seeds=1, updates=3, jobs=1, out=folder)
     rows = read_results(folder / "results.csv")
     config = tomllib.loads((folder / "config.toml").read_text())
     assert [(row.estimator, row.status) for row in rows] == [("best-match", "ok"), ("grid", "ok")]
@@ -45,20 +46,20 @@ def test_the_command_that_is_written_down_is_quoted() -> None:
 @pytest.mark.parametrize("what", ["scenarios", "sensors", "estimators"])
 def test_unknown_names_are_refused_before_anything_is_written(what: str, tmp_path: Path) -> None:
     with pytest.raises(UnknownName, match=f"no {what[:-1]} is called 'nonsense'; choose from: "):
-        bench(**{**SMALL, what: ["nonsense"]}, out=tmp_path / "run")  # type: ignore[arg-type]
+        bench(**{**SMALL, what: ["nonsense"]}, out=tmp_path / "run")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("what", ["seeds", "updates", "jobs"])
 def test_numbers_below_one_are_refused(what: str, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=f"--{what} is 0"):
-        bench(**SMALL, out=tmp_path / "run", **{what: 0})  # type: ignore[arg-type]
+        bench(**{**SMALL, what: 0}, out=tmp_path / "run")
 
 
 def test_a_folder_that_holds_something_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine")
     with pytest.raises(UserError, match="--resume"):
-        bench(**SMALL, out=tmp_path)  # type: ignore[arg-type]
+        bench(**SMALL, out=tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
@@ -71,7 +72,7 @@ def test_resume_takes_no_other_settings_and_wants_a_run(tmp_path: Path) -> None:
 
 def test_a_run_with_other_settings_is_not_continued(tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    bench(**SMALL, seeds=1, updates=3, jobs=1, out=folder)  # type: ignore[arg-type]
+    bench(**SMALL, seeds=1, updates=3, jobs=1, out=folder)
     config = folder / "config.toml"
     text = config.read_text()
     for old, new in (("updates = 3\n", "updates = 3\n"), ("recovery = 0.02", "recovery = 0.5")):
