@@ -1,17 +1,13 @@
-"""``results.csv``: a row per run, appended and synced as each finishes, so that a killed benchmark loses nothing.
-
-Beside it, ``tracks/<scenario>.json`` holds one drive of each scenario for the plan in the report.
-"""
+"""``results.csv``: a row per run, appended and synced as each finishes, so that a killed benchmark loses nothing."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -21,12 +17,12 @@ from topoloc.files import read_text, write_text
 from topoloc.metrics import METRICS
 
 OK, FAILED, UNAVAILABLE = "ok", "failed", "unavailable"
-COSTS = ("sensor_ms", "estimator_ms", "peak_mb")
-VALUES = (*(metric.name for metric in METRICS), *COSTS)
+VALUES = tuple(metric.name for metric in METRICS)
+COSTS = tuple(metric.name for metric in METRICS if metric.of_machine)
+"""Columns that another run of the same settings may fill otherwise."""
 COLUMNS = ("scenario", "sensor", "estimator", "seed", "status", "reason", *VALUES)
 
 Key = tuple[str, str, str, int]
-Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -57,37 +53,6 @@ class Row:
         """Its cells in the order of ``COLUMNS``."""
         head = [self.scenario, self.sensor, self.estimator, str(self.seed), self.status, self.reason]
         return head + [_cell(self.values.get(name)) for name in VALUES]
-
-
-@dataclass(frozen=True)
-class Track:
-    """One drive as the plan shows it; all points (x, y) in metres.
-
-    Attributes:
-        scenario, sensor, estimator, seed: which run.
-        nodes, edges: of the map; edges are pairs of indices into ``nodes``.
-        ids: of the nodes.
-        truth: where the robot was at each frame.
-        dead_reckoning: where its odometer alone would put it, from the true start on; empty without an odometer.
-        updates: indices of the frames that were updates.
-        estimates: where the estimator put it at each update.
-        right: whether it named the right node there.
-        kidnapped_at: indices of the first frames after the robot was carried elsewhere.
-    """
-
-    scenario: str
-    sensor: str
-    estimator: str
-    seed: int
-    nodes: list[Point]
-    edges: list[tuple[int, int]]
-    ids: list[str]
-    truth: list[Point]
-    dead_reckoning: list[Point]
-    updates: list[int]
-    estimates: list[Point]
-    right: list[bool]
-    kidnapped_at: list[int]
 
 
 @dataclass(frozen=True)
@@ -209,25 +174,3 @@ class ResultsFile:
         self.rows.sort(key=lambda row: row.key)
         if not isinstance(error, UserError):  # a full disk: the rows lie there unsorted, and --resume reads them so
             self._write(self.rows)
-
-
-def track_path(folder: Path, scenario: str) -> Path:
-    """Where the drive that the report draws for a scenario lies in a run's folder."""
-    return folder / "tracks" / f"{scenario}.json"
-
-
-def write_track(folder: Path, track: Track) -> None:
-    """Keep a drive for the report."""
-    write_text(track_path(folder, track.scenario), json.dumps(asdict(track)) + "\n")
-
-
-def read_tracks(folder: Path) -> dict[str, Track]:
-    """The drives kept in a run's folder, by scenario."""
-    tracks = {}
-    for path in sorted((folder / "tracks").glob("*.json")):
-        try:
-            track = Track(**json.loads(read_text(path, "delete it")))
-        except (ValueError, TypeError):
-            raise InputError(path, "is not a track of this version", "delete it") from None
-        tracks[track.scenario] = track
-    return tracks

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from sensors.images import camera_on_nodes, clahe, crop_centre, cut_views, grey, resize
@@ -113,6 +114,25 @@ class Matches:
     column: Ints
     columns: Ints
     advance: Floats
+
+
+@dataclass(frozen=True)
+class SlotMatches:
+    """Where IMA's answer for one panorama has each slot of the frame, from left to right.
+
+    Attributes:
+        left: (N_s,) left edges, shares of the full circle from the panorama's first column on, clockwise, in [0, 1).
+        width: of a slot, share of the full circle.
+        value: (N_s,) correlation of each slot there, in [0, 1].
+        counted: (N_s,) whether the slot adds to the answer there: in Code 2.2, if it beats the others (MATCH_SLOT).
+        match: of the panorama, as ``Evidence.match`` has it.
+    """
+
+    left: Floats
+    width: float
+    value: Floats
+    counted: NDArray[np.bool_]
+    match: float
 
 
 def make_reference(pixels: Floats, slot_width: int, flat_variance: float, circular: bool) -> Reference:
@@ -278,6 +298,34 @@ class IMA:
         found = self._best_of_zooms(self._filtered(image, self.config.clahe), references)
         return replace(found, value=self._likeness(found.value))
 
+    def slots(self, image: Image, nodes: Sequence[int]) -> list[SlotMatches]:
+        """Why a full-size frame matches panoramas as well as ``observe`` says: slot by slot (Code 2.1, 2.2).
+
+        Args:
+            image: uint8 (rows, columns[, 3]).
+            nodes: indices into the nodes of the map, one for each result.
+        """
+        picture = self._filtered(image, self.config.clahe)
+        return [self._slots_on(picture, self.prepared(node)) for node in nodes]
+
+    def _slots_on(self, picture: Image, references: list[Reference]) -> SlotMatches:
+        """The slots of a filtered frame on one panorama, in whichever zoom matches best."""
+        pairs, _ = self._zoomed(picture, references)
+        found = [self._matched(frame, reference) for frame, reference in pairs]
+        best = int(np.argmax([matches.value[0] for matches in found]))
+        frame, reference = pairs[best]
+        columns, width = reference.pixels.shape[2], self.config.scale_columns // self.config.slots
+        place = found[best].column[0] + width * np.arange(self.config.slots)
+        shift, value, counted = self._by_slot(frame, reference, place % columns)
+        left = np.mod(place + shift, columns) / columns
+        return SlotMatches(left, width / columns, value, counted, float(self._likeness(found[best].value)[0]))
+
+    def _by_slot(self, frame: Floats, reference: Reference, place: Ints) -> tuple[Ints, Floats, NDArray[np.bool_]]:
+        """Of each slot (N_s,) at its place on one reference: columns that it gives way, value, whether it counts."""
+        value = slot_values(frame, reference, self.config.slots, self.config.flat_variance)[0, place]
+        winner = value.argmax(axis=1) == np.arange(self.config.slots)
+        return np.zeros(len(place), dtype=np.int64), np.diagonal(value).copy(), winner
+
     def compare(self, image: Image, reference: Image) -> tuple[float, int]:
         """Match an image against a plain single image of the same camera, no circle (thesis 5.1.1, 5.1.5).
 
@@ -350,6 +398,13 @@ class IMA:
 
     def _best_of_zooms(self, picture: Image, references: list[Reference]) -> Matches:
         """The best of the combinations of 4.1.5 for each reference, ``picture`` at full size and filtered."""
+        pairs, advances = self._zoomed(picture, references)
+        return best_of([self._matched(frame, reference) for frame, reference in pairs], np.array(advances))
+
+    def _zoomed(
+        self, picture: Image, references: list[Reference]
+    ) -> tuple[list[tuple[Floats, Reference]], list[float]]:
+        """What is matched with what (4.1.5), and the displacements that these stand for; both plain comes first."""
         rows, columns = references[0].pixels.shape[1], self.config.scale_columns
         plain = self._prepared(_scaled(picture, columns, rows))
         pairs, advances = [(plain, references[0])], [0.0]
@@ -358,8 +413,7 @@ class IMA:
             zoomed = self._prepared(_scaled(picture, columns, rows, zoom, zoom))
             pairs += [(zoomed, references[0]), (plain, wider)]
             advances += [-advance, advance]
-        found = [self._matched(frame, reference) for frame, reference in pairs]
-        return best_of(found, np.array(advances))
+        return pairs, advances
 
     def _evidence(self, matches: Matches, mount: Floats) -> Evidence:
         """Heading by (2.2), of the window's middle on the circle that was searched, counter-clockwise.

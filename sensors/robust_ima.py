@@ -7,10 +7,12 @@ from typing import ClassVar
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from sensors.calibration import WRONG_QUANTILE
 from sensors.ima import IMA, IMAConfig, Matches, Reference, shifted, slot_values
 from topoloc.geometry import Floats
+from topoloc.types import Ints
 
 NEAR_M = 1.05
 """A node within this is not far off (DESIGN.md: adjacent within 1 m): with zoom, its views are found where they are."""
@@ -83,6 +85,15 @@ class RobustIMA(IMA):
 
     def _matched(self, frame: Floats, reference: Reference) -> Matches:
         return match_loosely(frame, reference, self.config.slots, self.config.flat_variance, self.config.slack_columns)
+
+    def _by_slot(self, frame: Floats, reference: Reference, place: Ints) -> tuple[Ints, Floats, NDArray[np.bool_]]:
+        """Every slot counts that correlates at all, where it correlates best within the slack."""
+        values = slot_values(frame, reference, self.config.slots, self.config.flat_variance)[0]
+        shifts = np.arange(-self.config.slack_columns, self.config.slack_columns + 1)
+        near = values[np.mod(place[:, None] + shifts, len(values)), np.arange(len(place))[:, None]]
+        best = near.argmax(axis=1)
+        value = near[np.arange(len(place)), best]
+        return shifts[best], value, value > 0.5  # below, the correlation is negative: it counts as zero
 
     def _likeness(self, value: Floats) -> Floats:
         """1 for an identical image, 0.5 for ``_doubtful``, linear between (DESIGN.md, "Values")."""

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from topoloc import plugins
-from topoloc.cli.localize import STEP_COLUMNS
+from topoloc.steps import STEP_COLUMNS
 from topoloc.cli.main import build_app
 from topoloc.map_folder import EDGE_COLUMNS, NODE_COLUMNS, VIEW_COLUMNS
 from topoloc.metrics import METRICS

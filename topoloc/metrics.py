@@ -38,6 +38,21 @@ SMALLEST_VARIANCE = 1e-6
 
 
 @dataclass(frozen=True)
+class Costs:
+    """What a run cost; None where it was not measured.
+
+    Attributes:
+        sensor_ms: one look of the sensor, in the mean [ms].
+        estimator_ms: one update beside the look, in the mean [ms].
+        peak_mb: the most memory that the process held so far [MB].
+    """
+
+    sensor_ms: float | None = None
+    estimator_ms: float | None = None
+    peak_mb: float | None = None
+
+
+@dataclass(frozen=True)
 class Run:
     """What one sensor and one estimator made of one recording, beside the truth.
 
@@ -47,6 +62,7 @@ class Run:
         kinds: of each frame's step, as in ``topoloc.localizer.Step``: ``update``, ``blind``, ``unreadable``, ``gated``.
         truth: (N, 3) true poses of the robot.
         kidnapped_at: indices of the first frames after the robot was carried elsewhere.
+        costs: what the run cost, where it was measured.
     """
 
     topo_map: TopoMap
@@ -54,6 +70,7 @@ class Run:
     kinds: tuple[str, ...]
     truth: Floats
     kidnapped_at: tuple[int, ...] = ()
+    costs: Costs = Costs()
 
     def __post_init__(self) -> None:
         if not len(self.estimates) == len(self.kinds) == len(self.truth):
@@ -63,10 +80,18 @@ class Run:
             )
 
     @classmethod
-    def of(cls, topo_map: TopoMap, steps: Sequence[Step], truth: Floats, kidnapped_at: Sequence[int] = ()) -> Run:
+    def of(
+        cls,
+        topo_map: TopoMap,
+        steps: Sequence[Step],
+        truth: Floats,
+        kidnapped_at: Sequence[int] = (),
+        costs: Costs | None = None,
+    ) -> Run:
         """The record of a localizer's steps."""
         estimates, kinds = tuple(step.estimate for step in steps), tuple(step.kind for step in steps)
-        return cls(topo_map, estimates, kinds, np.asarray(truth, dtype=np.float64), tuple(kidnapped_at))
+        pose = np.asarray(truth, dtype=np.float64)
+        return cls(topo_map, estimates, kinds, pose, tuple(kidnapped_at), costs or Costs())
 
     @cached_property
     def updates(self) -> Ints:
@@ -135,6 +160,7 @@ class Metric:
         definition: what it says, in one sentence.
         better: which way is better.
         value: computes it; None where it is undefined.
+        of_machine: it tells of the machine, too: another run of the same settings may have another value.
     """
 
     name: str
@@ -142,6 +168,7 @@ class Metric:
     definition: str
     better: Better
     value: Callable[[Run], float | None]
+    of_machine: bool = False
 
 
 def _mean(values: Bools | Floats) -> float | None:
@@ -246,6 +273,18 @@ def _nees(run: Run) -> float | None:
     return _mean(np.sum(errors * weighted, axis=1))
 
 
+def _sensor_ms(run: Run) -> float | None:
+    return run.costs.sensor_ms
+
+
+def _estimator_ms(run: Run) -> float | None:
+    return run.costs.estimator_ms
+
+
+def _peak_mb(run: Run) -> float | None:
+    return run.costs.peak_mb
+
+
 METRICS: tuple[Metric, ...] = (
     Metric("steps", "", "updates: frames whose motion gate opened; all else is counted over them", "neither", _steps),
     Metric(
@@ -312,6 +351,30 @@ METRICS: tuple[Metric, ...] = (
         "3 for an honest covariance, more for a boastful one",
         "near 3",
         _nees,
+    ),
+    Metric(
+        "sensor_ms",
+        "ms",
+        "mean time of one look of the sensor, in one thread; waiting for the picture is left out",
+        "lower",
+        _sensor_ms,
+        of_machine=True,
+    ),
+    Metric(
+        "estimator_ms",
+        "ms",
+        "mean time of one update without the look: motion, evidence, estimate",
+        "lower",
+        _estimator_ms,
+        of_machine=True,
+    ),
+    Metric(
+        "peak_mb",
+        "MB",
+        "most memory that the process held so far, whatever it ran before",
+        "lower",
+        _peak_mb,
+        of_machine=True,
     ),
 )
 """Every metric, in the order of the columns of ``results.csv``."""

@@ -2,58 +2,29 @@
 
 from __future__ import annotations
 
-import os
-import platform
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, is_dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from topoloc.errors import InputError, UnknownName, UserError
+from topoloc.errors import InputError, UserError
 
 if TYPE_CHECKING:
     from benchmarks.results import Row, Summary
     from benchmarks.runner import Suite
-    from benchmarks.scenarios import Scenario
 
 SEEDS, UPDATES = 2, 60
 QUICK_SEEDS, QUICK_UPDATES = 1, 20
-DRAWN_SENSOR = "ima"
-"""By default this sensor comes first, and so it is the one whose drives the report draws: the thesis's."""
-PACKAGES = ("topoloc", "numpy", "scipy", "opencv-python-headless", "joblib")
+FULL_SEEDS = 10
 
 Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative_iterable=())]
+Words = Annotated[list[str] | None, Parameter(name="--set", consume_multiple=True, negative_iterable=())]
 Flag = Annotated[bool, Parameter(negative="")]
-
-
-@dataclass(frozen=True)
-class Choice:
-    """What a benchmark runs, as ``config.toml`` has it and ``--resume`` reads it back.
-
-    Attributes:
-        scenarios, sensors, estimators: their names.
-        seeds: how many, from 0 on.
-        updates: frames of a drive.
-    """
-
-    scenarios: tuple[str, ...]
-    sensors: tuple[str, ...]
-    estimators: tuple[str, ...]
-    seeds: int
-    updates: int
-
-    @property
-    def command(self) -> str:
-        """The command line that runs just this."""
-        words = ["topoloc", "bench"]
-        for name, value in asdict(self).items():
-            words += [f"--{name}", *(value if isinstance(value, tuple) else [str(value)])]
-        return shlex.join(words)
 
 
 def bench(
@@ -61,113 +32,75 @@ def bench(
     scenarios: Names = None,
     sensors: Names = None,
     estimators: Names = None,
-    seeds: int = SEEDS,
-    updates: int = UPDATES,
+    seeds: int | None = None,
+    first_seed: int = 0,
+    updates: int | None = None,
+    settings: Words = None,
     jobs: int | None = None,
     out: Path | None = None,
     resume: Path | None = None,
     quick: Flag = False,
+    full: Flag = False,
 ) -> None:
-    """Compare sensors and estimators on simulated drives; ends in a table, results.csv and report.html.
+    """Compare sensors and estimators on simulated drives, or on your own; ends in a table and report.html.
 
-    Example: ``topoloc bench --sensors ima --estimators activity grid --seeds 5``
+    Example: ``topoloc bench --sensors ima pca --estimators activity particle --seeds 10``
 
     Args:
-        scenarios: By default lab-fresh, lab-people and lab-kidnapped; others: office-stereo, hall-omni.
+        scenarios: By default lab-fresh, lab-people and lab-kidnapped; 'topoloc list scenarios' shows all. A folder with
+            map/ and recording/ in it is one, too.
         sensors: Names of sensor models, or of several as one: a+b, 'mix(a,b)'; by default all that the scenarios suit.
         estimators: Names of estimators; all that are installed by default.
-        seeds: Drives of each scenario.
-        updates: Frames of each drive.
+        seeds: Drives of each simulated scenario; 2 by default.
+        first_seed: Seed of the first of them.
+        updates: Frames of each simulated drive; 60 by default.
+        settings: sensors.NAME.KEY=VALUE, estimators.NAME.KEY=VALUE or scenarios.NAME.KEY=VALUE.
         jobs: Processes; as many as there are cores by default.
         out: New folder for the results; runs/TIME-bench by default.
         resume: Folder of a run that was interrupted: run what is missing there, with its settings.
         quick: A first look: one seed, 20 frames.
+        full: Everything: all scenarios, 10 seeds; takes hours, and can be interrupted and resumed.
     """
     from joblib import cpu_count
 
+    from benchmarks.choice import choose, config_of, read_choice, refuse_other_settings, suite_of
+
     jobs = cpu_count() if jobs is None else jobs
-    for name, value in (("seeds", seeds), ("updates", updates), ("jobs", jobs)):
-        if value < 1:
+    given = {"seeds": seeds, "updates": updates, "jobs": jobs}
+    for name, value in given.items():
+        if value is not None and value < 1:
             raise UserError(f"--{name} is {value}; give a whole number from 1 on")
+    if first_seed < 0:
+        raise UserError(f"--first-seed is {first_seed}; give a whole number from 0 on")
     if resume is not None:
-        if out or scenarios or sensors or estimators or quick or (seeds, updates) != (SEEDS, UPDATES):
+        if any((out, scenarios, sensors, estimators, seeds, first_seed, updates, settings, quick, full)):
             raise UserError("--resume takes its settings from the folder it continues; leave all others but --jobs out")
-        folder, choice = resume, _read_choice(resume)
-        suite = _suite(choice)
-        _refuse_other_settings(folder, choice, suite)
+        folder, choice = resume, read_choice(resume)
+        suite = suite_of(choice)
+        refuse_other_settings(folder, choice, suite)
     else:
-        if quick:
-            seeds, updates = min(seeds, QUICK_SEEDS), min(updates, QUICK_UPDATES)
-        choice = _choose(scenarios, sensors, estimators, seeds, updates)
-        suite = _suite(choice)
+        if quick and full:
+            raise UserError("--quick and --full contradict each other; give one of them")
+        usual = (QUICK_SEEDS, QUICK_UPDATES) if quick else (FULL_SEEDS if full else SEEDS, UPDATES)
+        choice = choose(
+            scenarios or (_all_scenarios() if full else None),
+            sensors,
+            estimators,
+            usual[0] if seeds is None else seeds,
+            usual[1] if updates is None else updates,
+            first_seed,
+            settings or (),
+        )
+        suite = suite_of(choice)
         folder = _new_folder(out)
-        _write_config(folder, choice, suite)
+        _write_config(folder, config_of(choice, suite))
     _run(folder, suite, jobs)
 
 
-def _choose(
-    scenarios: Sequence[str] | None,
-    sensors: Sequence[str] | None,
-    estimators: Sequence[str] | None,
-    seeds: int,
-    updates: int,
-) -> Choice:
-    """What to run, names checked. Raises ``UserError``."""
-    from benchmarks.scenarios import default_scenarios, further_scenarios
-    from topoloc.plugins import ESTIMATORS, known_sensor, names
+def _all_scenarios() -> Sequence[str]:
+    from benchmarks.scenarios import scenario_names
 
-    known = (*default_scenarios(), *further_scenarios())
-    chosen = tuple(s for s in known if s.name in scenarios) if scenarios else default_scenarios()
-    return Choice(
-        scenarios=_known("scenario", scenarios or [s.name for s in chosen], [s.name for s in known]),
-        sensors=tuple(dict.fromkeys(map(known_sensor, sensors))) if sensors else _sensors_for(chosen),
-        estimators=_known("estimator", estimators, names(ESTIMATORS)),
-        seeds=seeds,
-        updates=updates,
-    )
-
-
-def _sensors_for(scenarios: Sequence[Scenario]) -> tuple[str, ...]:
-    """All sensors that one of the scenarios has the images for, the drawn one first; says which are left out."""
-    from topoloc.plugins import SENSORS, load, names
-
-    kinds, chosen, left = [scenario.kinds for scenario in scenarios], [], []
-    for name in sorted(names(SENSORS), key=lambda name: (name != DRAWN_SENSOR, name)):
-        try:
-            needs = frozenset(load(SENSORS, name).needs)
-        except (UserError, AttributeError):  # a package is missing, or needs depend on settings: its rows will say so
-            needs = frozenset()
-        if any(needs <= images for images in kinds):
-            chosen.append(name)
-        else:
-            left.append(f"{name} ({', '.join(sorted(needs))} images)")
-    if left:
-        print(f"left out, since no scenario here has what they need: {', '.join(left)}")
-    return tuple(chosen)
-
-
-def _known(what: str, wanted: Sequence[str] | None, known: Sequence[str]) -> tuple[str, ...]:
-    """The wanted names, each once; all known ones where none are named."""
-    for name in wanted or ():
-        if name not in known:
-            raise UnknownName(what, name, sorted(known))
-    return tuple(dict.fromkeys(wanted or known))
-
-
-def _suite(choice: Choice) -> Suite:
-    from functools import partial
-
-    from benchmarks.runner import Suite
-    from benchmarks.scenarios import default_scenarios, further_scenarios
-    from topoloc.plugins import make_estimator, make_sensor
-
-    known = (*default_scenarios(choice.updates), *further_scenarios(choice.updates))
-    return Suite(
-        scenarios=tuple(s for s in known if s.name in choice.scenarios),
-        sensors={name: partial(make_sensor, name) for name in choice.sensors},
-        estimators={name: partial(make_estimator, name) for name in choice.estimators},
-        seeds=tuple(range(choice.seeds)),
-    )
+    return scenario_names()
 
 
 def _new_folder(out: Path | None) -> Path:
@@ -177,93 +110,25 @@ def _new_folder(out: Path | None) -> Path:
     return folder
 
 
-def _read_choice(folder: Path) -> Choice:
-    """What the run in a folder was started with."""
-    from topoloc.settings import build, read_toml
-
-    path = folder / "config.toml"
-    run = read_toml(path, "name the folder of a benchmark run").get("run", {})
-    choice = build(Choice, {name: run[name] for name in Choice.__dataclass_fields__ if name in run}, path)
-    return _choose(**asdict(choice))
-
-
-def _write_config(folder: Path, choice: Choice, suite: Suite) -> None:
+def _write_config(folder: Path, config: dict[str, Any]) -> None:
     import tomli_w
 
     from topoloc.files import write_text
 
-    write_text(folder / "config.toml", tomli_w.dumps(_config(choice, suite)))
-
-
-def _config(choice: Choice, suite: Suite) -> dict[str, Any]:
-    """The resolved settings, the versions and the machine: what somebody needs who repeats the run."""
-    from topoloc.plugins import ESTIMATORS, load, options, sensor_settings
-
-    config = {
-        "run": {
-            "command": choice.command,
-            "started": f"{datetime.now():%Y-%m-%d %H:%M:%S}",
-            "rows": len(suite.keys()),
-            **asdict(choice),
-        },
-        "versions": {"python": platform.python_version(), **dict(_versions())},
-        "machine": {"system": platform.platform(), "cores": os.cpu_count()},
-        "scenarios": {s.name: {"description": s.description, **s.settings} for s in suite.scenarios},
-        "sensors": {name: _defaults(sensor_settings, name) for name in suite.sensors},
-        "estimators": {name: _defaults(lambda one: options(load(ESTIMATORS, one)), name) for name in suite.estimators},
-    }
-    return dict(_plain(config))
-
-
-def _refuse_other_settings(folder: Path, choice: Choice, suite: Suite) -> None:
-    """Rows of two versions or settings in one table could not be told apart."""
-    from topoloc.settings import read_toml
-
-    path = folder / "config.toml"
-    then, now = read_toml(path, "name the folder of a benchmark run"), _config(choice, suite)
-    if then.get("versions", {}).get("topoloc") != now["versions"]["topoloc"]:
-        raise InputError(path, "the run was begun with another version of topoloc", "start a new run")
-    for section in ("scenarios", "sensors", "estimators"):
-        if then.get(section) != now[section]:
-            raise InputError(path, f"[{section}] has other settings than today's defaults", "start a new run")
-
-
-def _versions() -> Iterator[tuple[str, str]]:
-    from importlib.metadata import PackageNotFoundError, version
-
-    for package in PACKAGES:
-        with suppress(PackageNotFoundError):  # another build of OpenCV, say
-            yield package, version(package)
-
-
-def _defaults(settings_of: Callable[[str], Mapping[str, Any]], name: str) -> Mapping[str, Any]:
-    try:
-        return settings_of(name)
-    except UserError:  # a package is missing: its rows will say so
-        return {}
-
-
-def _plain(value: Any) -> Any:
-    """A value as TOML can hold it: what is None is left out."""
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items() if item is not None}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value if isinstance(value, bool | int | float | str) else str(value)
+    write_text(folder / "config.toml", tomli_w.dumps(config))
 
 
 def _run(folder: Path, suite: Suite, jobs: int) -> None:
     """Run what is missing in the folder; whatever happens, report what is there."""
     from benchmarks.results import ResultsFile, read_results
     from benchmarks.runner import run_suite
+    from benchmarks.workers import in_processes
 
     path = folder / "results.csv"
     done = read_results(path) if path.exists() else []
     try:
         with ResultsFile(path, done) as results, _progress(len(suite.keys()), len(done)) as advance:
-            run_suite(suite, results, jobs, on_row=lambda row: advance())
+            run_suite(suite, results, partial(in_processes, jobs=jobs), on_row=lambda row: advance())
     except (KeyboardInterrupt, UserError):
         with suppress(UserError):  # the first mistake is the one to tell of
             _finish(folder)

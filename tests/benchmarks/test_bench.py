@@ -6,9 +6,11 @@ from typing import Any
 
 import pytest
 
-from benchmarks.cli.bench import Choice, _sensors_for, bench
-from benchmarks.results import read_results
-from benchmarks.scenarios import default_scenarios, further_scenarios
+from benchmarks.choice import Choice, read_choice, sensors_for, suite_of
+from benchmarks.cli.bench import bench
+from benchmarks.results import COSTS, VALUES, read_results
+from benchmarks.scenarios import DEFAULT, make_scenario
+from sensors import ColorHistogram
 from topoloc.errors import UnknownName, UserError
 
 SMALL: dict[str, Any] = {"scenarios": ["lab-fresh"], "sensors": ["histogram"], "estimators": ["best-match", "grid"]}
@@ -85,15 +87,14 @@ def test_a_run_with_other_settings_is_not_continued(tmp_path: Path) -> None:
 
 
 def test_sensors_that_no_scenario_can_feed_are_named_and_left_out(capsys: pytest.CaptureFixture[str]) -> None:
-    chosen = _sensors_for(default_scenarios())
+    chosen = sensors_for([make_scenario(name) for name in DEFAULT])
     assert chosen[0] == "ima"
     assert not {"disparity", "fourier"} & set(chosen)
     out = capsys.readouterr().out
     assert "disparity (rgb, right images)" in out
     assert "fourier (omni images)" in out
-    stereo, circles = further_scenarios()
-    assert "disparity" in _sensors_for([stereo])
-    assert _sensors_for([circles]) == ("fourier",)
+    assert "disparity" in sensors_for([make_scenario("office-stereo")])
+    assert sensors_for([make_scenario("hall-omni")]) == ("fourier",)
 
 
 def test_what_gives_no_result_at_all_is_a_mistake(tmp_path: Path) -> None:
@@ -103,10 +104,51 @@ def test_what_gives_no_result_at_all_is_a_mistake(tmp_path: Path) -> None:
 
 
 def test_a_scenario_of_full_circles(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What makes a scenario, its kinds of image and the sensor that it is for, fit together."""
-    for scenario in (*default_scenarios(3), *further_scenarios(3)):
-        if scenario.name != "office-stereo":  # some hundred views to be rendered
-            assert scenario.make(1).kinds == scenario.kinds
     bench(scenarios=["hall-omni"], estimators=["grid"], seeds=1, updates=3, jobs=1, out=tmp_path / "run")
     assert [row.status for row in read_results(tmp_path / "run" / "results.csv")] == ["ok"]
     assert "hall-omni (simulated)" in capsys.readouterr().out
+
+
+def test_settings_are_used_and_written_down(tmp_path: Path) -> None:
+    words = ["sensors.histogram.sigma_m=0.7", "estimators.grid.recovery=0.1", "scenarios.lab-fresh.people=0.2"]
+    folder = tmp_path / "run"
+    bench(**SMALL, seeds=1, updates=3, jobs=1, settings=words, out=folder)
+    config = tomllib.loads((folder / "config.toml").read_text())
+    assert config["sensors"]["histogram"]["sigma_m"] == 0.7
+    assert config["estimators"]["grid"]["recovery"] == 0.1
+    assert config["scenarios"]["lab-fresh"]["people"] == 0.2
+    assert config["run"]["command"].endswith("--set " + " ".join(words))
+    sensor = suite_of(read_choice(folder)).sensors["histogram"]()
+    assert isinstance(sensor, ColorHistogram) and sensor.config.sigma_m == 0.7
+    bench(resume=folder, jobs=1)
+
+
+@pytest.mark.parametrize(
+    ("word", "problem"),
+    [
+        ("sensors.ima.slots=4", "nothing is called 'ima' here"),
+        ("sensors.histogram.slots=4", "nothing is called 'slots'"),
+        ("estimators.grid.recovery=much", "'much'; write a number"),
+        ("histogram.sigma_m=1", "nothing is called 'histogram' here"),
+        ("scenarios.lab-fresh.updates=9", "updates"),
+    ],
+)
+def test_settings_that_nothing_has_are_refused(word: str, problem: str, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=problem):
+        bench(**SMALL, settings=[word], out=tmp_path / "run")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_seeds_may_begin_later(tmp_path: Path) -> None:
+    bench(**SMALL, seeds=1, first_seed=7, updates=3, jobs=1, out=tmp_path / "late")
+    bench(**SMALL, seeds=2, first_seed=6, updates=3, jobs=1, out=tmp_path / "both")
+    late, both = (read_results(tmp_path / name / "results.csv") for name in ("late", "both"))
+    assert [row.seed for row in late] == [7, 7]
+    told = [name for name in VALUES if name not in COSTS]
+    for one, other in zip(late, [row for row in both if row.seed == 7], strict=True):
+        assert [one.values[name] for name in told] == [other.values[name] for name in told]
+
+
+def test_quick_and_full_contradict_each_other(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="contradict"):
+        bench(quick=True, full=True, out=tmp_path / "run")

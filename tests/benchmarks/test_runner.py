@@ -1,16 +1,24 @@
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import pytest
 
-from benchmarks.results import COLUMNS, COSTS, ResultsFile, Row, read_results, read_tracks
-from benchmarks.runner import SharedLooks, Suite, run_suite
-from benchmarks.scenarios import Case, Scenario, default_scenarios
+from benchmarks.drives import run_task
+from benchmarks.looks import SharedLooks
+from benchmarks.results import COLUMNS, COSTS, ResultsFile, Row, read_results
+from benchmarks.run_files import answers_path, drive_path, looks_path, steps_path
+from benchmarks.runner import Drive, Suite, Task, run_suite, tasks
+from benchmarks.scenarios import Case, Scenario
+from benchmarks.workers import in_processes
 from topoloc.errors import InputError, UnreadableImage, UserError
+from topoloc.steps import read_steps
 from topoloc.testing import evidence_for, toy_map
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Frame, Motion, WeightedPoses
@@ -90,20 +98,24 @@ def missing_package() -> FakeEstimator:
 TOY = Scenario("toy", "A toy.", toy_case)
 
 
-def suite(**changes: object) -> Suite:
-    parts: dict[str, object] = {
-        "scenarios": (TOY, Scenario("toy-calm", "Nobody carries the toy.", partial(toy_case, kidnapped_at=()))),
-        "sensors": {"fake": FakeSensor},
-        "estimators": {"fake": FakeEstimator, "crashing": CrashingEstimator},
-        "seeds": (0, 1),
-    }
-    return Suite(**(parts | changes))  # type: ignore[arg-type]
+CALM = Scenario("toy-calm", "Nobody carries the toy.", partial(toy_case, kidnapped_at=()))
+SUITE = Suite((TOY, CALM), {"fake": FakeSensor}, {"fake": FakeEstimator, "crashing": CrashingEstimator}, (0, 1))
+
+
+def suite(**changes: Any) -> Suite:
+    return replace(SUITE, token=uuid4().hex, **changes)
 
 
 def results_of(what: Suite, folder: Path, jobs: int = 1) -> list[Row]:
     with ResultsFile(folder / "results.csv") as results:
-        run_suite(what, results, jobs)
+        run_suite(what, results, partial(in_processes, jobs=jobs))
     return read_results(folder / "results.csv")
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    """All files but the table, by their paths."""
+    files = (path for path in folder.rglob("*") if path.is_file() and path.name != "results.csv")
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def without_costs(rows: list[Row]) -> list[dict[str, str]]:
@@ -159,7 +171,7 @@ def test_a_drive_is_made_once(tmp_path: Path) -> None:
 def test_rows_do_not_depend_on_jobs(tmp_path: Path) -> None:
     one, two = (results_of(suite(), tmp_path / str(jobs), jobs) for jobs in (1, 2))
     assert without_costs(one) == without_costs(two)
-    assert read_tracks(tmp_path / "1") == read_tracks(tmp_path / "2")
+    assert files_of(tmp_path / "1") == files_of(tmp_path / "2")
 
 
 def test_what_crashes_is_a_row_and_the_rest_goes_on(tmp_path: Path) -> None:
@@ -211,7 +223,7 @@ def test_resuming_a_killed_run_gives_the_same_rows(keep: float, tmp_path: Path) 
     path.write_bytes(text[: int(keep * len(text))])
     with ResultsFile(path, read_results(path)) as results:
         ran: list[Row] = []
-        run_suite(suite(), results, on_row=ran.append)
+        run_suite(suite(), results, partial(in_processes, jobs=1), on_row=ran.append)
     again = read_results(path)
     assert without_costs(again) == without_costs(whole)
     assert (len(ran) == 0) == (keep == 1.0)
@@ -224,10 +236,10 @@ def test_rows_are_on_the_disk_when_the_benchmark_is_interrupted(tmp_path: Path) 
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt), ResultsFile(tmp_path / "results.csv") as results:
-        run_suite(suite(), results, on_row=stop_at)
+        run_suite(suite(), results, partial(in_processes, jobs=1), on_row=stop_at)
     rows = read_results(tmp_path / "results.csv")
     assert [row.key for row in rows] == sorted(row.key for row in rows)
-    assert len(rows) == 3
+    assert len(rows) == 5  # two scenarios of the first seed, and one row of the second
 
 
 @pytest.mark.parametrize(
@@ -249,17 +261,73 @@ def test_reasons_with_commas_and_quotes_come_back(tmp_path: Path) -> None:
     assert (back.reason, back.values["nees"], back.values["steps"]) == (row.reason, 1.5, None)
 
 
+def test_every_answer_of_a_run_is_kept_with_the_truth(tmp_path: Path) -> None:
+    for row in results_of(suite(), tmp_path):
+        path = tmp_path / steps_path(row.scenario, row.sensor, row.estimator, row.seed)
+        assert path.exists() == (row.status == "ok")
+        if row.status == "ok":
+            steps, case = read_steps(path), toy_case(row.seed)
+            assert steps.truth == pytest.approx(case.truth, abs=1e-4)
+            assert list(steps.kind).count("gated") == 1
+            assert steps.right[steps.updated].mean() == pytest.approx(row.values["node_accuracy"])
+            assert not steps.right[~steps.updated].any()
+
+
 def test_the_first_drive_of_a_scenario_is_kept_for_the_report(tmp_path: Path) -> None:
-    results_of(suite(), tmp_path)
-    tracks = read_tracks(tmp_path)
-    assert set(tracks) == {"toy", "toy-calm"}
-    track = tracks["toy"]
-    assert (track.sensor, track.estimator, track.seed) == ("fake", "fake", 0)
-    assert len(track.truth) == len(track.dead_reckoning) == FRAMES
-    assert len(track.estimates) == len(track.right) == len(track.updates) == FRAMES - 1
-    assert track.dead_reckoning[0] == pytest.approx(track.truth[0])
+    rows = results_of(suite(), tmp_path)
+    for scenario in ("toy", "toy-calm"):
+        drive = json.loads((tmp_path / drive_path(scenario)).read_text())
+        assert (drive["scenario"], drive["seed"], len(drive["frames"])) == (scenario, 0, FRAMES)
+        assert drive["reckoned"][0] == pytest.approx(drive["truth"][0][:2])
+        looks = json.loads((tmp_path / looks_path(scenario, "fake")).read_text())
+        answers = json.loads((tmp_path / answers_path(scenario, "fake", "fake")).read_text())
+        assert [look["frame"] for look in looks] == [n for n in range(FRAMES) if answers[n]["kind"] != "gated"]
+        right = [answer["right"] for answer in answers if answer["kind"] != "gated"]
+        (row,) = (row for row in rows if row.key == (scenario, "fake", "fake", 0))
+        assert np.mean(right) == pytest.approx(row.values["node_accuracy"])
+        assert not (tmp_path / answers_path(scenario, "fake", "crashing")).exists()
 
 
-def test_the_default_scenarios_are_named() -> None:
-    assert [scenario.name for scenario in default_scenarios()] == ["lab-fresh", "lab-people", "lab-kidnapped"]
-    assert [scenario.settings["kidnap_at"] for scenario in default_scenarios(20)] == [-1, -1, 10]
+def test_a_recorded_drive_is_made_once_for_all_seeds(tmp_path: Path) -> None:
+    seeds: list[int] = []
+
+    def make(seed: int) -> Case:
+        seeds.append(seed)
+        return toy_case(seed)
+
+    rows = results_of(suite(scenarios=(Scenario("mine", "", make, recorded=True),), seeds=(3, 4, 5)), tmp_path)
+    assert seeds == [3]
+    assert [row.seed for row in rows if row.status == "ok"] == [3, 4, 5]
+    poses = [read_steps(tmp_path / steps_path("mine", "fake", "fake", seed)) for seed in (3, 4)]
+    assert (poses[0].truth == poses[1].truth).all()
+    assert (poses[0].poses != poses[1].poses).any()  # the estimator's own chance
+
+
+def test_a_sensor_is_fitted_once_to_drives_of_one_map() -> None:
+    the_map, made = toy_map(), list[FakeSensor]()
+
+    def make_case(seed: int) -> Case:
+        return replace(toy_case(seed), topo_map=the_map)
+
+    def make_sensor() -> FakeSensor:
+        made.append(FakeSensor())
+        return made[-1]
+
+    scenarios = tuple(Scenario(name, "", make_case, site="toys") for name in ("a", "b"))
+    chosen = suite(scenarios=scenarios, sensors={"fake": make_sensor}, seeds=(0,))
+    (task,) = tasks(chosen, set())
+    assert len(list(run_task(chosen, task))) > 4
+    assert [sensor.fits for sensor in made] == [1]
+    assert [sensor.looks for sensor in made] == [2 * (FRAMES - 1)]
+    other = suite(scenarios=(*scenarios, replace(TOY, site="toys")), sensors={"fake": make_sensor}, seeds=(0,))
+    list(run_task(other, tasks(other, set())[0]))
+    assert [sensor.fits for sensor in made] == [1, 1, 1]  # the third drive has another map: a fresh sensor
+
+
+def test_tasks_hold_only_what_is_missing() -> None:
+    chosen = suite()
+    done = {key for key in chosen.keys() if key[3] == 0 or key[2] == "fake"}  # noqa: SIM118
+    assert tasks(chosen, set(chosen.keys())) == []
+    assert tasks(chosen, done) == [
+        Task("fake", (Drive(scenario, 1, (("crashing", 1),), False, False),)) for scenario in (TOY, CALM)
+    ]

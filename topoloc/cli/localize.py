@@ -22,7 +22,6 @@ BEFORE = "before"
 SETTINGS_HELP = (
     "sensor.KEY=VALUE or estimator.KEY=VALUE, as 'topoloc list' names them; sensor.NAME.KEY=VALUE for one of several."
 )
-STEP_COLUMNS = ("timestamp", "x", "y", "heading_deg", "node", "probability", "status", "match", "kind")
 
 
 def localize(
@@ -154,10 +153,11 @@ def _write(folder: Path, the_map: TopoMap, drive: Recording, steps: Sequence[Ste
 
     import numpy as np
 
-    from topoloc.files import write_bytes, write_csv, write_text
+    from topoloc.files import write_bytes, write_text
     from topoloc.metrics import Run, evaluate
     from topoloc.plan import as_png, dead_reckoning, draw_plan
     from topoloc.recording import write_track
+    from topoloc.steps import write_steps
 
     poses = np.array([step.estimate.pose for step in steps])
     times = [step.timestamp for step in steps]
@@ -172,27 +172,9 @@ def _write(folder: Path, the_map: TopoMap, drive: Recording, steps: Sequence[Ste
         odometry = dead_reckoning(raw, poses[0] if truth is None else truth[0])
     wrong = [] if run is None else [int(i) for i in run.updates[~run.right]]
     write_track(folder / "trajectory.txt", times, poses)
-    write_csv(folder / "steps.csv", STEP_COLUMNS, [_row(the_map, step) for step in steps])
+    write_steps(folder / "steps.csv", the_map, steps)
     write_bytes(folder / "plan.png", as_png(draw_plan(the_map, poses, truth, odometry, wrong, title)))
     return run
-
-
-def _row(the_map: TopoMap, step: Step) -> tuple[str, ...]:
-    import numpy as np
-
-    estimate = step.estimate
-    x, y, theta = estimate.pose
-    return (
-        f"{step.timestamp:.6f}",
-        f"{x:.4f}",
-        f"{y:.4f}",
-        f"{np.rad2deg(theta):.2f}",
-        "" if estimate.node is None else the_map.nodes[estimate.node].id,
-        f"{estimate.probability:.4f}",
-        estimate.status.value,
-        "" if step.match is None else f"{step.match:.4f}",
-        step.kind,
-    )
 
 
 def _report(output: Path, steps: Sequence[Step], run: Run | None) -> None:

@@ -1,0 +1,210 @@
+"""A task of the benchmark done: one sensor looks at drives, and every estimator runs on what it saw."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from benchmarks import replay
+from benchmarks.looks import SharedLooks
+from benchmarks.results import FAILED, UNAVAILABLE, Row
+from benchmarks.run_files import Kept, answers_path, drive_path, looks_path, steps_path
+from benchmarks.runner import Drive, Outcome, Suite, Task
+from benchmarks.scenarios import Case
+from topoloc.errors import UserError
+from topoloc.interfaces import Estimator, Sensor
+from topoloc.localizer import Localizer, Step
+from topoloc.metrics import Costs, Run, evaluate
+from topoloc.steps import steps_text
+from topoloc.topo_map import TopoMap
+
+ESTIMATOR_STREAM = 1
+"""Beside the seed, so that an estimator does not draw the very numbers that the world's noise was made of."""
+LONGEST_REASON = 300
+REMEMBERED_DRIVES = 4
+"""Drives that a process keeps for its next task: those of one site and seed, for the next sensor."""
+
+_cases: dict[tuple[str, str, int], Case] = {}
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A sensor that was fitted to a map."""
+
+    sensor: Sensor
+    topo_map: TopoMap
+
+
+@dataclass(frozen=True)
+class _Localized:
+    """A run that came to its end, and what its estimator held at each step where that is shown."""
+
+    steps: list[Step]
+    run: Run
+    answers: list[replay.Answer]
+
+
+def run_task(suite: Suite, task: Task) -> Iterator[Outcome]:
+    """The rows of a task, each after the files that belong to it; whatever crashes is a row that says so."""
+    fitted: Fitted | None = None
+    for drive in task.drives:
+        try:
+            case = _case(suite, drive)
+            if drive.pictured:
+                yield _kept_drive(drive, case)
+        except Exception as error:
+            yield from (_row(task.sensor, drive, pair, FAILED, error) for pair in drive.pairs)
+            continue
+        try:
+            fitted = _fit(suite.sensors[task.sensor], case, fitted)
+        except Exception as error:
+            status = UNAVAILABLE if isinstance(error, UserError) else FAILED
+            yield from (_row(task.sensor, drive, pair, status, error) for pair in drive.pairs)
+            continue
+        yield from _run_drive(suite, task.sensor, drive, case, SharedLooks(fitted.sensor, None))
+
+
+def _case(suite: Suite, drive: Drive) -> Case:
+    """The drive, made here or remembered from the task before."""
+    key = (suite.token, drive.scenario.name, drive.seed)
+    if key not in _cases:
+        while len(_cases) >= REMEMBERED_DRIVES:
+            del _cases[next(iter(_cases))]
+        with one_thread():
+            _cases[key] = drive.scenario.make(drive.seed)
+    return _cases[key]
+
+
+def _kept_drive(drive: Drive, case: Case) -> Kept:
+    shown = replay.drive_of(drive.scenario.name, drive.seed, case)
+    return Kept(drive_path(drive.scenario.name), replay.as_json(shown))
+
+
+def _fit(make_sensor: Callable[[], Sensor], case: Case, before: Fitted | None) -> Fitted:
+    """A sensor fitted to the drive's map, or the one before if that map is the same.
+
+    Raises:
+        UserError: the drive cannot feed it.
+    """
+    sensor = make_sensor() if before is None else before.sensor
+    missing = sensor.needs - case.kinds
+    if missing:
+        have = ", ".join(sorted(case.kinds)) or "no"
+        raise UserError(f"needs {', '.join(sorted(missing))} images; the scenario has {have} images")
+    if before is not None and before.topo_map is case.topo_map:
+        return before
+    if before is not None:
+        sensor = make_sensor()
+    with one_thread():
+        sensor.fit(case.topo_map)
+    return Fitted(sensor, case.topo_map)
+
+
+def _run_drive(suite: Suite, sensor: str, drive: Drive, case: Case, looks: SharedLooks) -> Iterator[Outcome]:
+    seen = False
+    for estimator, seed in drive.pairs:
+        pair, shown = (estimator, seed), drive.shown and seed == drive.seed
+        try:
+            made = suite.estimators[estimator]()
+        except Exception as error:
+            yield _row(sensor, drive, pair, UNAVAILABLE if isinstance(error, UserError) else FAILED, error)
+            continue
+        try:
+            with one_thread():
+                done = _localize(case, looks, made, seed, shown)
+                row = Row(drive.scenario.name, sensor, estimator, seed, values=evaluate(done.run))
+                if shown and not seen:
+                    yield _kept_looks(sensor, drive, case, done.steps, looks.sensor)
+        except Exception as error:
+            yield _row(sensor, drive, pair, FAILED, error)
+            continue
+        seen = True
+        name = drive.scenario.name
+        if shown:
+            yield Kept(answers_path(name, sensor, estimator), replay.as_json(done.answers))
+        right = np.zeros(len(done.steps), dtype=bool)
+        right[done.run.updates] = done.run.right
+        yield Kept(steps_path(name, sensor, estimator, seed), steps_text(case.topo_map, done.steps, case.truth, right))
+        yield row
+
+
+def _kept_looks(sensor: str, drive: Drive, case: Case, steps: Sequence[Step], eye: Sensor) -> Kept:
+    looks = [
+        replay.look_of(number, frame, step, eye)
+        for number, (frame, step) in enumerate(zip(case.frames, steps, strict=True))
+        if step.kind != "gated"
+    ]
+    return Kept(looks_path(drive.scenario.name, sensor), replay.as_json(looks))
+
+
+def _localize(case: Case, looks: SharedLooks, estimator: Estimator, seed: int, shown: bool) -> _Localized:
+    """One run: its steps, what they cost beside waiting for what the sensor saw, and, if shown, the beliefs."""
+    rng = np.random.default_rng([seed, ESTIMATOR_STREAM])
+    localizer = Localizer(case.topo_map, looks, estimator, rng=rng)
+    steps, held, seconds = [], [], 0.0
+    for frame in case.frames:
+        started, waited = perf_counter(), looks.waited
+        localizer.step(frame)
+        seconds += (perf_counter() - started) - (looks.waited - waited)
+        assert localizer.last is not None  # a step was just made
+        steps.append(localizer.last)
+        if shown:
+            gated = localizer.last.kind == "gated"
+            held.append(([] if gated else replay.cells_of(estimator.belief), replay.account_of(estimator)))
+    run = Run.of(case.topo_map, steps, case.truth, case.kidnapped_at)
+    updates = len(run.updates)
+    costs = Costs(
+        1e3 * looks.seconds / looks.looks if looks.looks else None,
+        1e3 * seconds / updates if updates else None,
+        peak_mb(),
+    )
+    run = Run.of(case.topo_map, steps, case.truth, case.kidnapped_at, costs)
+    right = dict(zip(run.updates.tolist(), run.right.tolist(), strict=True))
+    answers = [
+        replay.answer_of(steps[number], right.get(number, False), cells, account)
+        for number, (cells, account) in enumerate(held)
+    ]
+    return _Localized(steps, run, answers)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Libraries that would use every core hinder the other processes, and their sums depend on how many they get."""
+    import cv2
+
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        with threadpool_limits(1):
+            yield
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def _row(sensor: str, drive: Drive, pair: tuple[str, int], status: str, error: Exception) -> Row:
+    """A row that says why there is no result."""
+    estimator, seed = pair
+    return Row(drive.scenario.name, sensor, estimator, seed, status, _one_line(error))
+
+
+def _one_line(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    if not isinstance(error, UserError):
+        text = f"{type(error).__name__}: {text}".removesuffix(": ")
+    return text if len(text) <= LONGEST_REASON else text[: LONGEST_REASON - 3] + "..."
+
+
+def peak_mb() -> float | None:
+    """The most memory that this process ever held [MB]; None where the system does not tell."""
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return float(peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6)

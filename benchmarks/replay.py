@@ -1,0 +1,341 @@
+"""What the report's replay shows of a drive: pictures, what each sensor made of them, what each estimator believed.
+
+One drive of each scenario is kept, that of the first seed (``benchmarks.run_files`` says where): a ``Drive``, a list of
+``Look`` for each sensor, and a list of ``Answer``, one a frame, for each pair. Angles are degrees, counter-clockwise,
+lengths metres.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.scenarios import Case
+from estimators.activity import Hypotheses, TrackerStep
+from sensors import IMA
+from topoloc.geometry import Floats
+from topoloc.interfaces import Estimator, Sensor
+from topoloc.localizer import Step
+from topoloc.plan import dead_reckoning
+from topoloc.types import Evidence, Frame, Pixels, WeightedPoses
+
+FRAME_WIDTH, PANORAMA_WIDTH, JPEG_QUALITY = 256, 1296, 55
+"""Pictures are kept small: a report holds some hundred of them."""
+MOST_PANORAMAS = 60
+"""Maps of more nodes are shown without panoramas, or the report would not be opened."""
+SHOWN_HYPOTHESES = 8
+"""So many of a look's hypotheses are kept, those of the best match."""
+SHOWN_SLOTS = 4
+"""So many of them with the slots."""
+SHOWN_PLACES, FINEST_M = 80, 0.1
+"""A belief is summed up in at most so many square cells, of this side or, where it is spread wider, larger ones."""
+LEAST_SHARE = 0.002
+"""A cell that holds less of the belief is left out."""
+
+Point = tuple[float, float]
+Pose = tuple[float, float, float]
+Cell = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class NodeSeen:
+    """A node of the map: its panorama is a data URL, or empty; ``heading_deg`` is that of its first column."""
+
+    id: str
+    name: str
+    x: float
+    y: float
+    heading_deg: float
+    panorama: str
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One drive of a scenario.
+
+    Attributes:
+        scenario, seed: which.
+        nodes, edges: of the map; edges are pairs of indices into ``nodes``.
+        times: of the frames [s].
+        truth: x, y, heading of the robot at each frame.
+        reckoned: where its odometer alone would put it, from the true start on; empty without an odometer.
+        frames: pictures as data URLs; empty where one could not be read.
+        kidnapped_at: indices of the first frames after the robot was carried elsewhere.
+    """
+
+    scenario: str
+    seed: int
+    nodes: list[NodeSeen]
+    edges: list[tuple[int, int]]
+    times: list[float]
+    truth: list[Pose]
+    reckoned: list[Point]
+    frames: list[str]
+    kidnapped_at: list[int]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One of a look's: index of its node, where it puts the robot, heading None where it knows none."""
+
+    node: int
+    match: float
+    log_likelihood: float
+    x: float
+    y: float
+    heading_deg: float | None
+
+
+@dataclass(frozen=True)
+class Slots:
+    """Where IMA found the slots of a frame on a node's panorama; see ``sensors.ima.SlotMatches``."""
+
+    node: int
+    match: float
+    left: list[float]
+    width: float
+    value: list[float]
+    counted: list[bool]
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a sensor saw in one frame: the best hypotheses, and for IMA the slots on each of their nodes."""
+
+    frame: int
+    hypotheses: list[Hypothesis]
+    slots: list[Slots]
+    problem: str
+
+
+@dataclass(frozen=True)
+class Line:
+    """An origin or a destination of the tracker of the thesis; ``match`` is None for the origins of the start."""
+
+    node: int
+    heading_deg: float | None
+    match: float | None
+    activity: float
+    virtual: bool
+
+
+@dataclass(frozen=True)
+class Account:
+    """A Table 5.7: why the tracker answered as it did.
+
+    Attributes:
+        kind: ``normal``, ``virtual``, ``supposed`` or ``none``, as ``estimators.activity.TrackerStep`` has it.
+        origins, destinations: before the step, and of it.
+        winner: index into ``destinations``; None where there is none.
+        delta_l: of each destination from each origin, (3.14).
+        delta_phi_deg: the same of headings, (3.15); None where one is unknown.
+    """
+
+    kind: str
+    origins: list[Line]
+    destinations: list[Line]
+    winner: int | None
+    delta_l: list[list[float]]
+    delta_phi_deg: list[list[float | None]]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What an estimator answered at one frame, and its belief: cells as x, y of their centre of mass, and share."""
+
+    kind: str
+    x: float
+    y: float
+    heading_deg: float
+    node: int | None
+    probability: float
+    status: str
+    right: bool
+    belief: list[Cell]
+    account: Account | None
+
+
+def drive_of(scenario: str, seed: int, case: Case) -> Drive:
+    """What is to be seen of a drive, whatever looks at it."""
+    nodes = [
+        NodeSeen(
+            node.id,
+            node.name,
+            _metres(node.x),
+            _metres(node.y),
+            _degrees(node.heading),
+            "" if node.panorama is None or len(case.topo_map.nodes) > MOST_PANORAMAS else panorama_url(node.panorama),
+        )
+        for node in case.topo_map.nodes
+    ]
+    return Drive(
+        scenario,
+        seed,
+        nodes,
+        [(int(a), int(b)) for a, b in np.asarray(case.topo_map.edges)],
+        [frame.timestamp for frame in case.frames],
+        [_pose(pose) for pose in case.truth],
+        [(x, y) for x, y, _ in map(_pose, _reckoned(case))],
+        [_frame_url(frame) for frame in case.frames],
+        list(case.kidnapped_at),
+    )
+
+
+def look_of(number: int, frame: Frame, step: Step, sensor: Sensor) -> Look:
+    """What a sensor saw in a frame that was looked at, as the step has it."""
+    evidence = step.evidence or Evidence.blind()
+    best = evidence.best_per_node()
+    best = best[np.argsort(-evidence.match[best], kind="stable")][:SHOWN_HYPOTHESES]
+    hypotheses = [
+        Hypothesis(
+            int(evidence.nodes[i]),
+            _share(evidence.match[i]),
+            round(float(evidence.log_likelihoods[i]), 2),
+            *_pose(evidence.poses[i])[:2],
+            _degrees(evidence.poses[i, 2]) if evidence.kappa[i] > 0.0 else None,
+        )
+        for i in best
+    ]
+    slots = []
+    if isinstance(sensor, IMA) and hypotheses:
+        slots = _slots(sensor, frame.images["rgb"], [hypothesis.node for hypothesis in hypotheses[:SHOWN_SLOTS]])
+    return Look(number, hypotheses, slots, step.problem)
+
+
+def answer_of(step: Step, right: bool, cells: list[Cell], account: Account | None) -> Answer:
+    """What an estimator answered, and what it believed then: cells as ``cells_of`` has them, none where gated."""
+    estimate = step.estimate
+    return Answer(
+        step.kind,
+        *_pose(estimate.pose),
+        estimate.node,
+        _share(estimate.probability),
+        estimate.status.value,
+        right,
+        cells,
+        account,
+    )
+
+
+def cells_of(belief: WeightedPoses) -> list[Cell]:
+    """A belief summed up in few square cells: x and y of their centres of mass, and their shares, largest first."""
+    places, weights, side = belief.poses[:, :2], belief.weights, FINEST_M
+    low = places.min(axis=0)
+    while True:
+        column, row = np.floor((places - low) / side).astype(np.int64).T
+        index = column * (row.max() + 1) + row
+        share = np.bincount(index, weights)
+        kept = np.flatnonzero(share > LEAST_SHARE)
+        if len(kept) <= SHOWN_PLACES and share[kept].sum() > 0.5:
+            break
+        side *= 2.0
+    x, y = (np.bincount(index, weights * places[:, axis])[kept] / share[kept] for axis in (0, 1))
+    order = np.argsort(-share[kept], kind="stable")
+    return [(_metres(x[i]), _metres(y[i]), _share(share[kept][i])) for i in order]
+
+
+def account_of(estimator: Estimator) -> Account | None:
+    """The last step of a tracker of the thesis; None for all others, and before its first."""
+    step = getattr(estimator, "last", None)
+    if not isinstance(step, TrackerStep):
+        return None
+    return Account(
+        step.kind,
+        _lines(step.origins),
+        _lines(step.destinations),
+        step.winner,
+        np.round(step.delta_l, 3).tolist(),
+        [[_degrees(value) if np.isfinite(value) else None for value in row] for row in step.delta_phi],
+    )
+
+
+def as_json(value: Any) -> str:
+    """A dataclass of this file, or a list of them, as a line of JSON."""
+    plain = [asdict(one) for one in value] if isinstance(value, list) else asdict(value)
+    return json.dumps(plain, separators=(",", ":")) + "\n"
+
+
+def panorama_url(panorama: Pixels) -> str:
+    """A panorama as a small picture in a data URL."""
+    return _url(panorama, PANORAMA_WIDTH)
+
+
+def _frame_url(frame: Frame) -> str:
+    kind = next((kind for kind in ("rgb", "omni") if kind in frame.images), None)
+    if kind is None:
+        return ""
+    from topoloc.errors import UserError
+
+    try:
+        picture = frame.images[kind]
+    except UserError:  # the localizer met it, too, and said so
+        return ""
+    return _url(picture, PANORAMA_WIDTH if picture.shape[1] > 3 * picture.shape[0] else FRAME_WIDTH)
+
+
+def _url(picture: Pixels, width: int) -> str:
+    from PIL import Image as Pictures
+
+    image = Pictures.fromarray(np.ascontiguousarray(picture).astype(np.uint8))
+    if image.width > width:
+        image = image.resize((width, max(1, round(image.height * width / image.width))), Pictures.Resampling.BOX)
+    buffer = io.BytesIO()
+    image.convert("RGB").save(buffer, format="JPEG", quality=JPEG_QUALITY)
+    return "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def _slots(sensor: IMA, image: Pixels, nodes: list[int]) -> list[Slots]:
+    return [
+        Slots(
+            node,
+            _share(found.match),
+            [_share(left) for left in found.left],
+            _share(found.width),
+            [_share(value) for value in found.value],
+            found.counted.tolist(),
+        )
+        for node, found in zip(nodes, sensor.slots(image.astype(np.uint8, copy=False), nodes), strict=True)
+    ]
+
+
+def _lines(hypotheses: Hypotheses) -> list[Line]:
+    return [
+        Line(
+            int(hypotheses.nodes[i]),
+            _degrees(hypotheses.headings[i]) if np.isfinite(hypotheses.headings[i]) else None,
+            _share(hypotheses.match[i]) if np.isfinite(hypotheses.match[i]) else None,
+            _share(hypotheses.activity[i]),
+            bool(hypotheses.virtual[i]),
+        )
+        for i in range(len(hypotheses))
+    ]
+
+
+def _reckoned(case: Case) -> Floats:
+    """(N, 3) where the odometer alone puts the robot, from its true start on; (0, 3) where it has none."""
+    readings = [frame.odometry for frame in case.frames]
+    known = np.array([reading for reading in readings if reading is not None])
+    if len(known) < len(readings) or not readings:
+        return np.zeros((0, 3))
+    return dead_reckoning(known, case.truth[0])
+
+
+def _pose(pose: Floats) -> Pose:
+    return _metres(pose[0]), _metres(pose[1]), _degrees(pose[2])
+
+
+def _metres(value: float) -> float:
+    return round(float(value), 3)
+
+
+def _degrees(radians: float) -> float:
+    return round(float(np.rad2deg(radians)), 1)
+
+
+def _share(value: float) -> float:
+    return round(float(value), 4)
