@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import shlex
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, is_dataclass
@@ -122,7 +123,7 @@ def sensors_for(scenarios: Sequence[Scenario]) -> tuple[str, ...]:
         else:
             left.append(f"{name} ({', '.join(sorted(needs))} images)")
     if left:
-        print(f"left out, since no scenario here has what they need: {', '.join(left)}")
+        print(f"left out, since no scenario here has what they need: {', '.join(left)}", file=sys.stderr)
     return tuple(chosen)
 
 

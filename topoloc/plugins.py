@@ -15,6 +15,7 @@ from topoloc.settings import Setting, build, explained, refuse_unknown
 SENSORS, ESTIMATORS, FUSIONS = "topoloc.sensors", "topoloc.estimators", "topoloc.fusions"
 WORLDS, PANORAMAS, COMMANDS = "topoloc.worlds", "topoloc.panoramas", "topoloc.commands"
 EXPERIMENTS, UNWRAPPERS, UPKEEPS = "topoloc.experiments", "topoloc.unwrappers", "topoloc.upkeeps"
+SCENARIOS = "topoloc.scenarios"
 
 
 def names(group: str) -> list[str]:

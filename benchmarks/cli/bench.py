@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+import sys
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from functools import partial
@@ -15,8 +15,11 @@ from cyclopts import Parameter
 from topoloc.errors import InputError, UserError
 
 if TYPE_CHECKING:
-    from benchmarks.results import Row, Summary
-    from benchmarks.runner import Suite
+    from collections.abc import Callable, Iterator, Sequence
+
+    from benchmarks.runner import Outcome, Suite, Task
+
+    Work = Callable[[Suite, Sequence[Task]], Iterator[Outcome]]
 
 SEEDS, UPDATES = 2, 60
 QUICK_SEEDS, QUICK_UPDATES = 1, 20
@@ -41,6 +44,7 @@ def bench(
     resume: Path | None = None,
     quick: Flag = False,
     full: Flag = False,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
     """Compare sensors and estimators on simulated drives, or on your own; ends in a table and report.html.
 
@@ -60,10 +64,12 @@ def bench(
         resume: Folder of a run that was interrupted: run what is missing there, with its settings.
         quick: A first look: one seed, 20 frames.
         full: Everything: all scenarios, 10 seeds; takes hours, and can be interrupted and resumed.
+        as_json: Print the rows as JSON in place of the tables.
     """
     from joblib import cpu_count
 
     from benchmarks.choice import choose, config_of, read_choice, refuse_other_settings, suite_of
+    from benchmarks.workers import in_processes
 
     jobs = cpu_count() if jobs is None else jobs
     given = {"seeds": seeds, "updates": updates, "jobs": jobs}
@@ -94,7 +100,7 @@ def bench(
         suite = suite_of(choice)
         folder = _new_folder(out)
         _write_config(folder, config_of(choice, suite))
-    _run(folder, suite, jobs)
+    _run(folder, suite, partial(in_processes, jobs=jobs), as_json)
 
 
 def _all_scenarios() -> Sequence[str]:
@@ -118,23 +124,22 @@ def _write_config(folder: Path, config: dict[str, Any]) -> None:
     write_text(folder / "config.toml", tomli_w.dumps(config))
 
 
-def _run(folder: Path, suite: Suite, jobs: int) -> None:
+def _run(folder: Path, suite: Suite, work: Work, as_json: bool) -> None:
     """Run what is missing in the folder; whatever happens, report what is there."""
     from benchmarks.results import ResultsFile, read_results
     from benchmarks.runner import run_suite
-    from benchmarks.workers import in_processes
 
     path = folder / "results.csv"
     done = read_results(path) if path.exists() else []
     try:
         with ResultsFile(path, done) as results, _progress(len(suite.keys()), len(done)) as advance:
-            run_suite(suite, results, partial(in_processes, jobs=jobs), on_row=lambda row: advance())
+            run_suite(suite, results, work, on_row=lambda row: advance())
     except (KeyboardInterrupt, UserError):
         with suppress(UserError):  # the first mistake is the one to tell of
-            _finish(folder)
-            print(f"stopped early; continue with: topoloc bench --resume {shlex.quote(str(folder))}")
+            _finish(folder, suite, as_json)
+            print(f"stopped early; continue with: topoloc bench --resume {shlex.quote(str(folder))}", file=sys.stderr)
         raise
-    _finish(folder)
+    _finish(folder, suite, as_json)
 
 
 @contextmanager
@@ -147,51 +152,22 @@ def _progress(total: int, done: int) -> Iterator[Callable[[], None]]:
         yield lambda: progress.advance(task)
 
 
-def _finish(folder: Path) -> None:
+def _finish(folder: Path, suite: Suite, as_json: bool) -> None:
     """The report, the table on the screen, and where the files are."""
     from benchmarks.report import write_report
-    from benchmarks.results import read_results
+    from benchmarks.results import OK, read_results
+    from benchmarks.screen import print_json, print_tables
 
     report = write_report(folder)
     rows = read_results(folder / "results.csv")
-    _print_tables(rows)
-    bad = [row for row in rows if row.status != "ok"]
-    if bad:
-        print(f"{len(bad)} of {len(rows)} runs gave no result, e.g. {bad[0].status}: {bad[0].reason}")
-    for path in (folder / "results.csv", folder / "config.toml", report):
-        print(path)
+    bad = [row for row in rows if row.status != OK]
+    if as_json:
+        print_json(folder, rows, len(suite.keys()))
+    else:
+        print_tables(rows, {scenario.name for scenario in suite.scenarios if scenario.recorded})
+        if bad:
+            print(f"{len(bad)} of {len(rows)} runs gave no result, e.g. {bad[0].status}: {bad[0].reason}")
+        for path in (folder / "results.csv", folder / "config.toml", report):
+            print(path)
     if bad and len(bad) == len(rows):
         raise UserError(f"no run gave a result ({bad[0].reason}); choose other sensors, estimators or scenarios")
-
-
-def _print_tables(rows: Sequence[Row]) -> None:
-    """For each scenario sensors by estimators: node accuracy; sensors that gave nothing there are left out."""
-    from rich import box
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    from benchmarks.results import summarize
-
-    console, accuracy = Console(), summarize(rows, "node_accuracy")
-    for scenario in dict.fromkeys(row.scenario for row in rows):
-        own = [row for row in rows if row.scenario == scenario]
-        sensors = list(dict.fromkeys(row.sensor for row in own if row.status == "ok"))
-        if not sensors:
-            continue
-        console.print(f"{escape(scenario)} (simulated): node accuracy, %, mean ± standard deviation", style="italic")
-        heads = (escape(name).replace("-", "-\n") for name in sensors)
-        table = Table("", *heads, box=box.SIMPLE, padding=(0, 1, 0, 0))
-        for estimator in dict.fromkeys(row.estimator for row in own):
-            cells = (_screen_cell(accuracy.get((scenario, sensor, estimator))) for sensor in sensors)
-            table.add_row(escape(estimator), *cells)
-        console.print(table)
-
-
-def _screen_cell(accuracy: Summary | None) -> str:
-    if accuracy is None:
-        return ""
-    if accuracy.mean is None:
-        return accuracy.text()
-    spread = "" if accuracy.deviation is None else f" ± {100 * accuracy.deviation:.0f}"
-    return f"{100 * accuracy.mean:.0f}{spread}"

@@ -12,7 +12,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from benchmarks.experiments.experiment import SECOND_SEED, Experiment, Measured, Quantity
 from benchmarks.experiments.picture import OTHER, OURS, THESIS
 from benchmarks.experiments.selections import ByLot, InTurn
-from benchmarks.runner import SharedLooks
+from benchmarks.looks import SharedLooks
 from benchmarks.worlds.office import CLEAR_M, OfficeSettings, OfficeWorld, clearance
 from benchmarks.worlds.standing_robot import StandingRobot
 from estimators.action import LeastEntropy

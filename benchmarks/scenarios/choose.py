@@ -8,8 +8,9 @@ from typing import Any
 
 from benchmarks.scenarios.case import Scenario
 from benchmarks.scenarios.recorded import recorded
-from benchmarks.scenarios.simulated import SIMULATED, simulated
+from benchmarks.scenarios.simulated import SUITE, simulated
 from topoloc.errors import UnknownName
+from topoloc.plugins import SCENARIOS, names
 from topoloc.settings import refuse_unknown
 
 DEFAULT = ("lab-fresh", "lab-people", "lab-kidnapped")
@@ -18,8 +19,8 @@ OR_A_FOLDER = "or a folder with map/ and recording/ in it"
 
 
 def scenario_names() -> tuple[str, ...]:
-    """Names of the benchmark's own scenarios."""
-    return SIMULATED
+    """Names of the benchmark's own scenarios, then of others' that are installed."""
+    return (*SUITE, *(name for name in names(SCENARIOS) if name not in SUITE))
 
 
 def make_scenario(name: str, updates: int = 60, settings: Mapping[str, Any] | None = None) -> Scenario:
@@ -33,9 +34,9 @@ def make_scenario(name: str, updates: int = 60, settings: Mapping[str, Any] | No
     Raises:
         UserError: nothing is called so, the settings do not suit it, or a file of its folder cannot be used.
     """
-    if name in SIMULATED:
+    if name in scenario_names():
         return simulated(name, updates, settings or {})
     if not Path(name).is_dir():
-        raise UnknownName("scenario", name, [*sorted(SIMULATED), OR_A_FOLDER])
+        raise UnknownName("scenario", name, [*sorted(scenario_names()), OR_A_FOLDER])
     refuse_unknown(settings or {}, set(), f"settings of {name}, which is recorded")
     return recorded(Path(name))

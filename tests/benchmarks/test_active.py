@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from benchmarks.experiments.selections import ByLot, InTurn
-from benchmarks.runner import SharedLooks
+from benchmarks.looks import SharedLooks
 from benchmarks.worlds import LabWorld, World, WorldSettings
 from benchmarks.worlds.office import CLEAR_M, OfficeSettings, OfficeWorld, clearance
 from benchmarks.worlds.standing_robot import StandingRobot

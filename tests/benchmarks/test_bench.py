@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -90,7 +91,7 @@ def test_sensors_that_no_scenario_can_feed_are_named_and_left_out(capsys: pytest
     chosen = sensors_for([make_scenario(name) for name in DEFAULT])
     assert chosen[0] == "ima"
     assert not {"disparity", "fourier"} & set(chosen)
-    out = capsys.readouterr().out
+    out = capsys.readouterr().err
     assert "disparity (rgb, right images)" in out
     assert "fourier (omni images)" in out
     assert "disparity" in sensors_for([make_scenario("office-stereo")])
@@ -152,3 +153,12 @@ def test_seeds_may_begin_later(tmp_path: Path) -> None:
 def test_quick_and_full_contradict_each_other(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="contradict"):
         bench(quick=True, full=True, out=tmp_path / "run")
+
+
+def test_json_is_all_that_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bench(**SMALL, seeds=1, updates=3, jobs=1, out=tmp_path / "run", as_json=True)
+    told = json.loads(capsys.readouterr().out)
+    assert (told["folder"], told["unfinished"]) == (str(tmp_path / "run"), 0)
+    rows = read_results(tmp_path / "run" / "results.csv")
+    assert [{name: one[name] for name in VALUES} for one in told["rows"]] == [dict(row.values) for row in rows]
+    assert [one["estimator"] for one in told["rows"]] == ["best-match", "grid"]

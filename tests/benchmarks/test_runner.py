@@ -10,7 +10,7 @@ from uuid import uuid4
 import numpy as np
 import pytest
 
-from benchmarks.drives import run_task
+from benchmarks.drives import peak_mb, run_task
 from benchmarks.looks import SharedLooks
 from benchmarks.results import COLUMNS, COSTS, ResultsFile, Row, read_results
 from benchmarks.run_files import answers_path, drive_path, looks_path, steps_path
@@ -18,10 +18,11 @@ from benchmarks.runner import Drive, Suite, Task, run_suite, tasks
 from benchmarks.scenarios import Case, Scenario
 from benchmarks.workers import in_processes
 from topoloc.errors import InputError, UnreadableImage, UserError
+from topoloc.recording import LazyImages
 from topoloc.steps import read_steps
 from topoloc.testing import evidence_for, toy_map
 from topoloc.topo_map import TopoMap
-from topoloc.types import Evidence, Frame, Motion, WeightedPoses
+from topoloc.types import Evidence, Frame, Image, Motion, WeightedPoses
 
 FRAMES = 12
 
@@ -331,3 +332,55 @@ def test_tasks_hold_only_what_is_missing() -> None:
     assert tasks(chosen, done) == [
         Task("fake", (Drive(scenario, 1, (("crashing", 1),), False, False),)) for scenario in (TOY, CALM)
     ]
+
+
+class Clock:
+    """Time that passes only where somebody says so."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_times_of_sensor_and_estimator_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A look of 10 ms once a frame, 5 ms until its picture is there, 2 ms for each estimator's update."""
+    clock = Clock()
+    monkeypatch.setattr("benchmarks.drives.perf_counter", clock)
+    monkeypatch.setattr("benchmarks.looks.perf_counter", clock)
+
+    def picture() -> Image:
+        clock.now += 0.005
+        return np.zeros((4, 4), dtype=np.uint8)
+
+    def make(seed: int) -> Case:
+        case = toy_case(seed)
+        frames = [replace(frame, images=LazyImages({"rgb": picture})) for frame in case.frames]
+        return replace(case, frames=frames)
+
+    class SlowSensor(FakeSensor):
+        def observe(self, frame: Frame) -> Evidence:
+            clock.now += 0.010
+            return super().observe(frame)
+
+    class SlowEstimator(FakeEstimator):
+        def update(self, evidence: Evidence) -> float | None:
+            clock.now += 0.002
+            return super().update(evidence)
+
+    scenarios, estimators = (Scenario("slow", "", make),), dict.fromkeys(("a", "b"), SlowEstimator)
+    rows = results_of(suite(scenarios=scenarios, sensors={"slow": SlowSensor}, estimators=estimators), tmp_path)
+    assert [row.values["sensor_ms"] for row in rows] == pytest.approx([10.0] * 4)
+    assert [row.values["estimator_ms"] for row in rows] == pytest.approx([2.0] * 4)
+
+
+def test_memory_is_the_most_that_the_process_held() -> None:
+    before = peak_mb()
+    if before is None:
+        pytest.skip("this system does not tell")
+    held = np.ones(round((before + 60.0) * 1e6 / 8.0))
+    after = peak_mb()
+    assert after is not None and after >= before + 50.0
+    del held
+    assert peak_mb() == pytest.approx(after, rel=0.1)

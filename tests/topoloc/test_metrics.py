@@ -2,12 +2,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from topoloc.localizer import Step
-from topoloc.metrics import METRICS, Run, evaluate
+from topoloc.metrics import METRICS, Costs, Run, evaluate
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Estimate, Status
 
@@ -171,3 +172,10 @@ def test_a_run_is_made_of_a_localizers_steps() -> None:
 def test_a_run_of_unequal_lengths_is_refused() -> None:
     with pytest.raises(ValueError, match="as many estimates"):
         run_of([guess(A)], [at(0.0), at(1.0)])
+
+
+def test_costs_are_metrics_like_the_others() -> None:
+    run = replace(run_of([guess(A)], [at(0.0)]), costs=Costs(9.5, 1.25, 300.0))
+    values = evaluate(run)
+    assert (values["sensor_ms"], values["estimator_ms"], values["peak_mb"]) == (9.5, 1.25, 300.0)
+    assert {metric.name for metric in METRICS if metric.of_machine} == {"sensor_ms", "estimator_ms", "peak_mb"}

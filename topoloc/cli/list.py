@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
     from topoloc.settings import Setting
 
-Kind = Literal["sensors", "fusions", "estimators", "worlds", "panoramas", "upkeeps", "experiments", "commands"]
+Kind = Literal[
+    "sensors", "fusions", "estimators", "scenarios", "worlds", "panoramas", "upkeeps", "experiments", "commands"
+]
 FEWEST_SHARED = 6
 """Fewer settings that all things of a kind share are not worth a table of their own."""
 
@@ -38,6 +40,8 @@ def list_names(
         console.print(title, style="bold")
         if title == "commands":
             _print_summaries(console, {name: _summary(thing) for name, thing in things.items()})
+        elif title == "scenarios":
+            _print_summaries(console, {name: thing.description for name, thing in things.items()})
         elif title == "experiments":
             _print_summaries(console, {name: f"{thing.title} ({thing.source})" for name, thing in things.items()})
         else:
