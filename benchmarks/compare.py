@@ -19,7 +19,6 @@ from topoloc.sensor_names import parse
 from topoloc.settings import read_toml
 
 REMEDY = "name the folder of a benchmark run"
-TABLES = ("scenarios", "sensors", "estimators")
 NAMED = 3
 """Of several failed runs, so many are named."""
 BETTER, WORSE, HIGHER, LOWER = "better", "worse", "higher", "lower"
@@ -65,7 +64,7 @@ class Line:
     Attributes:
         metric, scenario: what is compared where.
         a, b: pair of sensor and estimator on each side.
-        mean_a, mean_b: over the seeds that are paired; where none are, over those that the side has. None: no value.
+        mean_a, mean_b: over the seeds that both have a value for; without any, each over its own. None: no value.
         difference: B less A; for ``near 3`` of their distances from 3.
         verdict: what B is beside A: ``better``, ``worse``, ``higher``, ``lower``, or why nothing is told.
     """
@@ -116,8 +115,8 @@ def read_run(folder: Path) -> BenchRun:
 
 def pair_of(word: str) -> Pair:
     """A pair as it is typed, ``ima+histogram/grid``. Raises ``UserError``."""
-    sensor, slash, estimator = word.rpartition("/")
-    if not (slash and sensor and estimator):
+    sensor, estimator = (part.strip() for part in word.rpartition("/")[::2])
+    if not (sensor and estimator):
         raise UserError(f"{word!r} is no pair; write SENSOR/ESTIMATOR, ima/activity say")
     return str(parse(sensor)), estimator
 
@@ -134,7 +133,9 @@ def only(run: BenchRun, pair: Pair) -> BenchRun:
             raise UnknownName(f"{what} in {run.folder}", name, run.names(what))
     rows = tuple(row for row in run.rows if (row.sensor, row.estimator) == pair)
     if not rows:
-        raise InputError(run.folder, f"has no row of {'/'.join(pair)} yet", "finish it with topoloc bench --resume")
+        raise InputError(
+            run.folder, f"has no row of {'/'.join(pair)} yet", f"finish it: topoloc bench --resume {run.folder}"
+        )
     tables = {
         what: {name: table for name, table in run.table(what).items() if name == one}
         for what, one in zip(("sensors", "estimators"), pair, strict=True)
@@ -185,15 +186,17 @@ def _lines(a: BenchRun, b: BenchRun, metric: str, sides: Sequence[tuple[Group, G
     lines = []
     for (one, other), difference in zip(sides, differences(paired), strict=True):
         values = groups_a[one], groups_b[other]
-        mean_a, mean_b = _means(*values) if difference.pairs else map(_mean, (v.values() for v in values))
+        mean_a, mean_b = _means(*values)
         verdict = _verdict(difference, way) if one[0] in alike else OTHER_DRIVES
         lines.append(Line(metric, one[0], one[1:], other[1:], mean_a, mean_b, difference, verdict))
     return lines
 
 
 def _means(a: Seeds, b: Seeds) -> tuple[float | None, float | None]:
-    """Over the seeds that both have a value for."""
-    both = [seed for seed in a.keys() & b.keys() if np.isfinite(a[seed]) and np.isfinite(b[seed])]
+    """Over the seeds that both have a value for; without any, each over its own."""
+    both = [seed for seed in a if np.isfinite(a[seed]) and np.isfinite(b.get(seed, np.nan))]
+    if not both:
+        return _mean(a.values()), _mean(b.values())
     return _mean(a[seed] for seed in both), _mean(b[seed] for seed in both)
 
 
@@ -215,13 +218,14 @@ def _verdict(difference: Difference, way: str) -> str:
 
 def drives_alike(a: BenchRun, b: BenchRun, scenario: str) -> bool:
     """Whether a seed makes the same drive of a scenario in both runs, as far as its settings tell."""
-    one, other = (_drive_settings(run, scenario) for run in (a, b))
-    return one == other
+    return _drive_settings(a, scenario) == _drive_settings(b, scenario)
 
 
 def _drive_settings(run: BenchRun, scenario: str) -> dict[str, Any]:
     settings = dict(run.table("scenarios", scenario))
     settings.pop("description", None)  # words for people
+    if "digest" in settings:  # of a recording's files: they may lie elsewhere by now
+        settings.pop("folder", None)
     return settings
 
 
@@ -229,7 +233,8 @@ def warnings(a: BenchRun, b: BenchRun, metrics: Sequence[str], pairs: tuple[Pair
     """What a reader of the comparison should know, a line each, what weighs most first.
 
     Args:
-        a, b: the runs; may be one.
+        a: the run of the first side.
+        b: the run of the second side; may be the same.
         metrics: that are compared.
         pairs: of A and of B, where only these are compared.
     """
@@ -277,31 +282,32 @@ def _only_one_has(a: BenchRun, b: BenchRun, what: str) -> Iterator[str]:
 def unlike_settings(a: BenchRun, b: BenchRun, with_machine: bool) -> list[str]:
     """``sensors.ima.slots: 8 against 4`` for each setting of what both ran, of updates, versions and the machine."""
     one, other = (_settings(run, with_machine) for run in (a, b))
-    keys = [key for key in dict.fromkeys([*one, *other]) if one.get(key) != other.get(key)]
-    told = [key for key in keys if all(_owner(key) in map(_owner, side) for side in (one, other))]
-    return [f"{'.'.join(key)}: {_word(one.get(key))} against {_word(other.get(key))}" for key in told]
+    told = []
+    for owner in [name for name in one if name in other]:
+        ours, theirs = dict(_flat(one[owner], owner)), dict(_flat(other[owner], owner))
+        told += [
+            f"{key}: {_word(ours.get(key))} against {_word(theirs.get(key))}"
+            for key in dict.fromkeys([*ours, *theirs])
+            if ours.get(key) != theirs.get(key)
+        ]
+    return told
 
 
-def _settings(run: BenchRun, with_machine: bool) -> dict[tuple[str, ...], Any]:
-    """What a result may depend on, by the names of its tables and its key."""
-    tables: dict[str, Any] = {"run": {"updates": run.table("run").get("updates")}}
-    tables["scenarios"] = {name: _drive_settings(run, name) for name in run.table("scenarios")}
-    for what in ("sensors", "estimators", "versions", *(["machine"] * with_machine)):
-        tables[what] = run.table(what)
-    return dict(_flat(tables))
+def _settings(run: BenchRun, with_machine: bool) -> dict[str, Mapping[str, Any]]:
+    """What a result may depend on, a table for each part of the run, by its name in the config."""
+    tables: dict[str, Mapping[str, Any]] = {"run": {"updates": run.table("run").get("updates")}}
+    tables |= {f"scenarios.{name}": _drive_settings(run, name) for name in run.table("scenarios")}
+    for what in ("sensors", "estimators"):
+        tables |= {f"{what}.{name}": run.table(what, name) for name in run.table(what)}
+    return tables | {what: run.table(what) for what in ("versions", *(["machine"] * with_machine))}
 
 
-def _flat(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    for name, value in table.items():
+def _flat(table: Mapping[str, Any], name: str) -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, (*path, name))
+            yield from _flat(value, f"{name}.{key}")
         else:
-            yield (*path, name), value
-
-
-def _owner(key: tuple[str, ...]) -> tuple[str, ...]:
-    """Whose setting it is: of a scenario, a sensor, an estimator, or of the run as a whole."""
-    return key[:2] if key[0] in TABLES else key[:1]
+            yield f"{name}.{key}", value
 
 
 def _word(value: Any) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import base64
 import io
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -256,8 +256,7 @@ def account_of(estimator: Estimator) -> Account | None:
 
 def as_json(value: Any) -> str:
     """A dataclass of this file, or a list of them, as a line of JSON."""
-    plain = [asdict(one) for one in value] if isinstance(value, list) else asdict(value)
-    return json.dumps(plain, separators=(",", ":")) + "\n"
+    return json.dumps(value, default=vars, separators=(",", ":")) + "\n"
 
 
 def panorama_url(panorama: Pixels) -> str:

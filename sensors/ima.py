@@ -305,20 +305,22 @@ class IMA:
             image: uint8 (rows, columns[, 3]).
             nodes: indices into the nodes of the map, one for each result.
         """
-        picture = self._filtered(image, self.config.clahe)
-        return [self._slots_on(picture, self.prepared(node)) for node in nodes]
-
-    def _slots_on(self, picture: Image, references: list[Reference]) -> SlotMatches:
-        """The slots of a filtered frame on one panorama, in whichever zoom matches best."""
-        pairs, _ = self._zoomed(picture, references)
+        pairs, _ = self._zoomed(
+            self._filtered(image, self.config.clahe),
+            [Reference(ready.pixels[nodes], ready.norms[nodes], ready.circular) for ready in self._references],
+        )
         found = [self._matched(frame, reference) for frame, reference in pairs]
-        best = int(np.argmax([matches.value[0] for matches in found]))
-        frame, reference = pairs[best]
+        zooms = np.stack([matches.value for matches in found]).argmax(axis=0)
+        return [self._slots_on(*pairs[zoom], found[zoom], row) for row, zoom in enumerate(zooms)]
+
+    def _slots_on(self, frame: Floats, reference: Reference, found: Matches, row: int) -> SlotMatches:
+        """The slots of a prepared frame on one of several references."""
         columns, width = reference.pixels.shape[2], self.config.scale_columns // self.config.slots
-        place = found[best].column[0] + width * np.arange(self.config.slots)
-        shift, value, counted = self._by_slot(frame, reference, place % columns)
+        place = found.column[row] + width * np.arange(self.config.slots)
+        single = Reference(reference.pixels[row : row + 1], reference.norms[row : row + 1], reference.circular)
+        shift, value, counted = self._by_slot(frame, single, place % columns)
         left = np.mod(place + shift, columns) / columns
-        return SlotMatches(left, width / columns, value, counted, float(self._likeness(found[best].value)[0]))
+        return SlotMatches(left, width / columns, value, counted, float(self._likeness(found.value[row : row + 1])[0]))
 
     def _by_slot(self, frame: Floats, reference: Reference, place: Ints) -> tuple[Ints, Floats, NDArray[np.bool_]]:
         """Of each slot (N_s,) at its place on one reference: columns that it gives way, value, whether it counts."""

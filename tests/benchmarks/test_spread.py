@@ -86,7 +86,7 @@ def test_groups_do_not_depend_on_each_other_and_values_may_be_missing(monkeypatc
     values[1, 2:5] = np.nan
     values[2, 1:] = np.nan
     values[3] = np.nan
-    values[4, 0] = np.inf
+    values[4, 0] = -np.inf
     monkeypatch.setattr(spread, "BATCH", 2)
     together = intervals(values)
     for row, found in zip(values, together, strict=True):
