@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -173,7 +174,7 @@ def config_of(choice: Choice, suite: Suite) -> dict[str, Any]:
             **asdict(choice),
         },
         "versions": {"python": platform.python_version(), **dict(_versions())},
-        "machine": {"system": platform.platform(), "processor": platform.processor(), "cores": os.cpu_count()},
+        "machine": _machine(),
         "scenarios": {s.name: {"description": s.description, **s.settings} for s in suite.scenarios},
         "sensors": {name: _resolved(sensor_settings, name, choice) for name in suite.sensors},
         "estimators": {name: _resolved(_estimator_settings, name, choice) for name in suite.estimators},
@@ -190,6 +191,18 @@ def refuse_other_settings(folder: Path, choice: Choice, suite: Suite) -> None:
     for section in TABLES:
         if then.get(section) != now[section]:
             raise InputError(path, f"[{section}] has other settings than today's defaults", "start a new run")
+
+
+def _machine() -> dict[str, Any]:
+    """What times and memory are told of."""
+    processor = platform.processor() or platform.machine()
+    with suppress(OSError, IndexError):  # Linux does not tell otherwise
+        found = re.findall(r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
+        processor = found[0]
+    machine = {"system": platform.system(), "processor": processor, "cores": os.cpu_count()}
+    with suppress(AttributeError, ValueError, OSError):  # elsewhere than on Linux and macOS
+        machine["memory_gb"] = round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1)
+    return machine
 
 
 def _versions() -> Iterator[tuple[str, str]]:
