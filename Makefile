@@ -7,11 +7,12 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help bench bench-quick speed test test-slow lint pictures realism accuracy panoramas reproduce constraints clean
+.PHONY: help bench bench-quick report speed test test-slow lint pictures realism accuracy panoramas reproduce constraints clean
 
 help:
 	@echo "make bench        set up, then compare sensors and estimators in the simulated laboratory (about a minute)"
 	@echo "make bench-quick  the same with one seed and fewer steps"
+	@echo "make report       run the whole benchmark, and write docs/reports and the README's table (hours; goes on where it stopped)"
 	@echo "make speed        set up with the peers, then time our steps beside theirs (some minutes)"
 	@echo "make test         set up, then run the tests"
 	@echo "make test-slow    the tests that take longer"
@@ -39,6 +40,10 @@ bench: $(VENV)/.installed
 
 bench-quick: $(VENV)/.installed
 	@$(BIN)/topoloc bench --quick
+
+report: $(VENV)/.installed
+	@$(BIN)/topoloc bench $$(test -f runs/report/config.toml && echo --resume runs/report || echo --full --out runs/report)
+	@$(BIN)/python -m benchmarks.publish runs/report
 
 # particles asks for numpy below 2, and works with 2: hence without its dependencies.
 $(VENV)/.installed-speed: $(VENV)/.installed
