@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ import numpy as np
 from benchmarks.scenarios import Case
 from estimators.activity import Hypotheses, TrackerStep
 from sensors import IMA
+from sensors.fusion import Fusion
 from topoloc.geometry import Floats
 from topoloc.interfaces import Estimator, Sensor
 from topoloc.localizer import Step
@@ -202,8 +204,8 @@ def look_of(number: int, frame: Frame, step: Step, sensor: Sensor) -> Look:
         for i in best
     ]
     slots = []
-    if isinstance(sensor, IMA) and hypotheses:
-        slots = _slots(sensor, frame.images["rgb"], [hypothesis.node for hypothesis in hypotheses[:SHOWN_SLOTS]])
+    if (ima := ima_in(sensor)) is not None and hypotheses:
+        slots = slots_of(ima, frame.images["rgb"], [hypothesis.node for hypothesis in hypotheses[:SHOWN_SLOTS]])
     return Look(number, hypotheses, slots, step.problem)
 
 
@@ -288,7 +290,16 @@ def _url(picture: Pixels, width: int) -> str:
     return "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode()
 
 
-def _slots(sensor: IMA, image: Pixels, nodes: list[int]) -> list[Slots]:
+def ima_in(sensor: Sensor) -> IMA | None:
+    """The first IMA, or relative of it, that a sensor is or fuses."""
+    if isinstance(sensor, IMA):
+        return sensor
+    parts = sensor.parts if isinstance(sensor, Fusion) else ()
+    return next((found for part in parts if (found := ima_in(part)) is not None), None)
+
+
+def slots_of(sensor: IMA, image: Pixels, nodes: Sequence[int]) -> list[Slots]:
+    """Where a full-size frame has its slots on the panoramas of nodes."""
     return [
         Slots(
             node,

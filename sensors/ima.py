@@ -305,9 +305,10 @@ class IMA:
             image: uint8 (rows, columns[, 3]).
             nodes: indices into the nodes of the map, one for each result.
         """
+        rows = np.asarray(nodes, dtype=np.int64)
         pairs, _ = self._zoomed(
             self._filtered(image, self.config.clahe),
-            [Reference(ready.pixels[nodes], ready.norms[nodes], ready.circular) for ready in self._references],
+            [Reference(ready.pixels[rows], ready.norms[rows], ready.circular) for ready in self._references],
         )
         found = [self._matched(frame, reference) for frame, reference in pairs]
         zooms = np.stack([matches.value for matches in found]).argmax(axis=0)
