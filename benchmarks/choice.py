@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runner import Suite
-from benchmarks.scenarios import DEFAULT, Scenario, make_scenario
+from benchmarks.scenarios import DEFAULT, Scenario, make_scenario, scenario_names
 from topoloc.errors import InputError, UnknownName, UserError
 from topoloc.plugins import (
     ESTIMATORS,
@@ -96,8 +96,9 @@ def choose(
     Raises:
         UserError: a name or a setting that nothing has.
     """
-    chosen = tuple(dict.fromkeys(scenarios or DEFAULT))
+    chosen = tuple(dict.fromkeys(map(_findable, scenarios or DEFAULT)))
     made = [make_scenario(name, updates) for name in chosen]
+    _refuse_namesakes(made)
     choice = Choice(
         scenarios=chosen,
         sensors=tuple(dict.fromkeys(map(known_sensor, sensors))) if sensors else sensors_for(made),
@@ -126,6 +127,19 @@ def sensors_for(scenarios: Sequence[Scenario]) -> tuple[str, ...]:
     if left:
         print(f"left out, since no scenario here has what they need: {', '.join(left)}", file=sys.stderr)
     return tuple(chosen)
+
+
+def _findable(scenario: str) -> str:
+    """A name as it is; a folder so that it is found from wherever the run is resumed."""
+    return scenario if scenario in scenario_names() or not Path(scenario).is_dir() else str(Path(scenario).resolve())
+
+
+def _refuse_namesakes(scenarios: Sequence[Scenario]) -> None:
+    """Raise ``UserError`` for two of one name, whose rows could not be told apart."""
+    for scenario in scenarios:
+        own = scenario_names() if scenario.recorded else ()
+        if scenario.name in own or sum(other.name == scenario.name for other in scenarios) > 1:
+            raise UserError(f"two scenarios are called {scenario.name!r}; give the folder another name")
 
 
 def _known(what: str, wanted: Sequence[str] | None, known: Sequence[str]) -> tuple[str, ...]:
@@ -182,10 +196,10 @@ def config_of(choice: Choice, suite: Suite) -> dict[str, Any]:
     return dict(_plain(config))
 
 
-def refuse_other_settings(folder: Path, choice: Choice, suite: Suite) -> None:
+def refuse_other_settings(folder: Path, choice: Choice) -> None:
     """Rows of two versions or settings in one table could not be told apart. Raises ``InputError``."""
     path = folder / "config.toml"
-    then, now = read_toml(path, REMEDY), config_of(choice, suite)
+    then, now = read_toml(path, REMEDY), config_of(choice, suite_of(choice))
     if then.get("versions", {}).get("topoloc") != now["versions"]["topoloc"]:
         raise InputError(path, "the run was begun with another version of topoloc", "start a new run")
     for section in TABLES:
@@ -199,7 +213,7 @@ def _machine() -> dict[str, Any]:
     with suppress(OSError, IndexError):  # Linux does not tell otherwise
         found = re.findall(r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
         processor = found[0]
-    machine = {"system": platform.system(), "processor": processor, "cores": os.cpu_count()}
+    machine: dict[str, Any] = {"system": platform.system(), "processor": processor, "cores": os.cpu_count()}
     with suppress(AttributeError, ValueError, OSError):  # elsewhere than on Linux and macOS
         machine["memory_gb"] = round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1)
     return machine

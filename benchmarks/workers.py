@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Generator, Sequence
+from threading import Lock
+from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -11,23 +14,73 @@ from benchmarks.drives import run_task
 from benchmarks.runner import Outcome, Suite, Task
 from topoloc.errors import UserError
 
+ATTEMPTS = 2
+"""After a process of this machine was killed, what was not done yet is begun again once."""
 
-def in_processes(suite: Suite, tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
-    """Do tasks in so many processes of this machine; with one, in this one."""
-    processes = min(jobs, len(tasks))
-    if processes <= 1:
+Numbered = tuple[int, list[Outcome]]
+
+_alone = Lock()
+"""A dask worker may have several threads; what limits libraries to one, and remembers drives, holds for a process."""
+
+
+def in_processes(suite: Suite, tasks: Sequence[Task], jobs: int) -> Generator[Outcome]:
+    """Do tasks in so many processes of this machine; with one, in this one.
+
+    Raises:
+        UserError: processes were killed, and when all was begun again that was not done, once more.
+    """
+    if min(jobs, len(tasks)) <= 1:
         for task in tasks:
             yield from run_task(suite, task)
         return
+    left = dict(enumerate(tasks))
+    for _ in range(ATTEMPTS):
+        try:
+            with parallel_config(backend="loky", inner_max_num_threads=1):
+                yield from _unordered(suite, left, n_jobs=min(jobs, len(left)))
+            return
+        except TerminatedWorkerError:
+            continue
+    raise UserError("processes were killed, perhaps for want of memory; continue with --resume and fewer --jobs")
+
+
+def on_cluster(suite: Suite, tasks: Sequence[Task], address: str, patience_s: float = 30.0) -> Generator[Outcome]:
+    """Do tasks on the workers of a dask cluster; what a worker was doing when it died is done by another.
+
+    Args:
+        suite: what they are from; it travels to the workers, which need the same version of topoloc, and the folders of
+            recorded scenarios under the same paths.
+        tasks: to do.
+        address: of the scheduler, as in ``tcp://host:8786``, or ``local`` for a cluster of this machine's cores.
+        patience_s: so long it may be without any worker [s], as while the first start, or the last start again.
+
+    Raises:
+        UserError: dask is not installed, nobody answers, or the cluster cannot do it.
+    """
     try:
-        with parallel_config(backend="loky", inner_max_num_threads=1):
-            parallel = Parallel(n_jobs=processes, return_as="generator_unordered", pre_dispatch=processes)
-            for batch in parallel(delayed(done)(suite, task) for task in tasks):
-                yield from batch
-    except TerminatedWorkerError:
-        raise UserError("a process was killed, perhaps for want of memory; continue with --resume, --jobs 1") from None
+        from benchmarks.cluster import joined
+    except ImportError as error:
+        raise UserError(
+            f"--cluster needs dask.distributed ({error.name} is missing); pip install 'topoloc[cluster]'"
+        ) from None
+    with joined(address, patience_s) as backend, parallel_config(backend=backend):
+        yield from _unordered(suite, dict(enumerate(tasks)), pre_dispatch="all", batch_size=1)
 
 
-def done(suite: Suite, task: Task) -> list[Outcome]:
+def _unordered(suite: Suite, left: dict[int, Task], **settings: Any) -> Generator[Outcome]:
+    """The outcomes of tasks as they come, a task's together; what has come is no longer left."""
+    parallel = Parallel(return_as="generator_unordered", **settings)
+    batches = parallel(delayed(_numbered)(number, suite, task) for number, task in list(left.items()))
+    try:
+        for number, outcomes in batches:
+            del left[number]
+            yield from outcomes
+    finally:
+        with warnings.catch_warnings(action="ignore"):  # joblib's: that not all of it was used
+            batches.close()
+
+
+def _numbered(number: int, suite: Suite, task: Task) -> Numbered:
     """All outcomes of a task at once, as another process hands them back."""
-    return list(run_task(suite, task))
+    with _alone:
+        return number, list(run_task(suite, task))

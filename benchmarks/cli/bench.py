@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 
 SEEDS, UPDATES = 2, 60
 QUICK_SEEDS, QUICK_UPDATES = 1, 20
+QUICK_SCENARIOS = ("lab-fresh", "lab-kidnapped")
 FULL_SEEDS = 10
+NOT_TAKEN = "all others but --jobs, --cluster and --json"
 
 Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative_iterable=())]
 Words = Annotated[list[str] | None, Parameter(name="--set", consume_multiple=True, negative_iterable=())]
@@ -40,6 +42,7 @@ def bench(
     updates: int | None = None,
     settings: Words = None,
     jobs: int | None = None,
+    cluster: str | None = None,
     out: Path | None = None,
     resume: Path | None = None,
     quick: Flag = False,
@@ -60,36 +63,35 @@ def bench(
         updates: Frames of each simulated drive; 60 by default.
         settings: sensors.NAME.KEY=VALUE, estimators.NAME.KEY=VALUE or scenarios.NAME.KEY=VALUE.
         jobs: Processes; as many as there are cores by default.
+        cluster: Address of a dask scheduler whose workers do the work, or 'local' for a cluster of this machine.
         out: New folder for the results; runs/TIME-bench by default.
         resume: Folder of a run that was interrupted: run what is missing there, with its settings.
-        quick: A first look: one seed, 20 frames.
+        quick: A first look: two scenarios, one seed, 20 frames.
         full: Everything: all scenarios, 10 seeds; takes hours, and can be interrupted and resumed.
         as_json: Print the rows as JSON in place of the tables.
     """
+    import tomli_w
     from joblib import cpu_count
 
     from benchmarks.choice import choose, config_of, read_choice, refuse_other_settings, suite_of
-    from benchmarks.workers import in_processes
+    from benchmarks.run_folder import only_writer
+    from benchmarks.scenarios import scenario_names
+    from benchmarks.workers import in_processes, on_cluster
+    from topoloc.files import write_text
 
-    jobs = cpu_count() if jobs is None else jobs
-    given = {"seeds": seeds, "updates": updates, "jobs": jobs}
-    for name, value in given.items():
-        if value is not None and value < 1:
-            raise UserError(f"--{name} is {value}; give a whole number from 1 on")
-    if first_seed < 0:
-        raise UserError(f"--first-seed is {first_seed}; give a whole number from 0 on")
+    _refuse_numbers(seeds, first_seed, updates, jobs)
     if resume is not None:
         if any((out, scenarios, sensors, estimators, seeds, first_seed, updates, settings, quick, full)):
-            raise UserError("--resume takes its settings from the folder it continues; leave all others but --jobs out")
+            raise UserError(f"--resume takes its settings from the folder it continues; leave out {NOT_TAKEN}")
         folder, choice = resume, read_choice(resume)
-        suite = suite_of(choice)
-        refuse_other_settings(folder, choice, suite)
+        refuse_other_settings(folder, choice)
     else:
         if quick and full:
             raise UserError("--quick and --full contradict each other; give one of them")
+        folder = _new_folder(out)
         usual = (QUICK_SEEDS, QUICK_UPDATES) if quick else (FULL_SEEDS if full else SEEDS, UPDATES)
         choice = choose(
-            scenarios or (_all_scenarios() if full else None),
+            scenarios or (scenario_names() if full else QUICK_SCENARIOS if quick else None),
             sensors,
             estimators,
             usual[0] if seeds is None else seeds,
@@ -97,31 +99,30 @@ def bench(
             first_seed,
             settings or (),
         )
-        suite = suite_of(choice)
-        folder = _new_folder(out)
-        _write_config(folder, config_of(choice, suite))
-    _run(folder, suite, partial(in_processes, jobs=jobs), as_json)
+    suite = suite_of(choice)
+    work = partial(in_processes, jobs=jobs or cpu_count()) if cluster is None else partial(on_cluster, address=cluster)
+    with only_writer(folder):
+        if resume is None:
+            write_text(folder / "config.toml", tomli_w.dumps(config_of(choice, suite)))
+        _run(folder, suite, work, as_json)
 
 
-def _all_scenarios() -> Sequence[str]:
-    from benchmarks.scenarios import scenario_names
-
-    return scenario_names()
+def _refuse_numbers(seeds: int | None, first_seed: int, updates: int | None, jobs: int | None) -> None:
+    """Raise ``UserError`` for a number that is too small."""
+    for name, value in (("seeds", seeds), ("updates", updates), ("jobs", jobs)):
+        if value is not None and value < 1:
+            raise UserError(f"--{name} is {value}; give a whole number from 1 on")
+    if first_seed < 0:
+        raise UserError(f"--first-seed is {first_seed}; give a whole number from 0 on")
 
 
 def _new_folder(out: Path | None) -> Path:
+    from benchmarks.run_folder import is_free
+
     folder = out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-bench"
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+    if not is_free(folder):
         raise InputError(folder, "exists already", f"name another folder, or continue it with --resume {folder}")
     return folder
-
-
-def _write_config(folder: Path, config: dict[str, Any]) -> None:
-    import tomli_w
-
-    from topoloc.files import write_text
-
-    write_text(folder / "config.toml", tomli_w.dumps(config))
 
 
 def _run(folder: Path, suite: Suite, work: Work, as_json: bool) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import pytest
 
 from benchmarks.choice import Choice, read_choice, sensors_for, suite_of
 from benchmarks.cli.bench import bench
+from benchmarks.cli.simulate import simulate
 from benchmarks.results import COSTS, VALUES, read_results
 from benchmarks.scenarios import DEFAULT, make_scenario
 from sensors import ColorHistogram
@@ -67,7 +69,7 @@ def test_a_folder_that_holds_something_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_resume_takes_no_other_settings_and_wants_a_run(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="leave all others"):
+    with pytest.raises(UserError, match="leave out all others"):
         bench(resume=tmp_path, seeds=5)
     with pytest.raises(UserError, match=r"config\.toml: no such file"):
         bench(resume=tmp_path)
@@ -162,3 +164,32 @@ def test_json_is_all_that_is_printed(tmp_path: Path, capsys: pytest.CaptureFixtu
     rows = read_results(tmp_path / "run" / "results.csv")
     assert [{name: one[name] for name in VALUES} for one in told["rows"]] == [dict(row.values) for row in rows]
     assert [one["estimator"] for one in told["rows"]] == ["best-match", "grid"]
+
+
+def test_a_folder_is_a_scenario_found_again_from_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    simulate("lab", output=Path("mine"), seed=3, settings=("updates=4",))
+    small = {**SMALL, "scenarios": ["mine", "lab-fresh"], "seeds": 2, "updates": 3, "jobs": 1}
+    bench(**small, out=tmp_path / "run")
+    rows = read_results(tmp_path / "run" / "results.csv")
+    assert {(row.scenario, row.values["steps"]) for row in rows} == {("mine", 4.0), ("lab-fresh", 3.0)}
+    text = (tmp_path / "run" / "results.csv").read_text()
+    (tmp_path / "run" / "results.csv").write_text("\n".join(text.splitlines()[:3]) + "\n")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    bench(resume=tmp_path / "run", jobs=1)
+    assert [row.key for row in read_results(tmp_path / "run" / "results.csv")] == [row.key for row in rows]
+    listed = tmp_path / "mine" / "recording" / "rgb.txt"
+    listed.write_text(listed.read_text() + "# other data\n")
+    with pytest.raises(UserError, match=r"\[scenarios\] has other settings"):
+        bench(resume=tmp_path / "run", jobs=1)
+
+
+def test_two_scenarios_of_one_name_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    simulate("lab", output=Path("mine"), seed=3, settings=("updates=2",))
+    shutil.copytree("mine", "other/mine")
+    shutil.copytree("mine", "twins")
+    for names in (["mine", "other/mine"], ["./twins"]):
+        with pytest.raises(UserError, match=r"two scenarios are called '(mine|twins)'; give the folder another name"):
+            bench(**{**SMALL, "scenarios": names}, out=tmp_path / "run")
