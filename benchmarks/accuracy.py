@@ -19,9 +19,9 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from benchmarks.calibration import RULE_SENSORS, Drive, Recalled, watched
+from benchmarks.drives import ESTIMATOR_STREAM
 from benchmarks.experiments.conditions import CONDITIONS
 from benchmarks.experiments.kidnappings import KIDNAPPINGS, LOOKS, kidnapped, looks_until_right
-from benchmarks.drives import ESTIMATOR_STREAM
 from benchmarks.worlds.settings import WorldSettings
 from topoloc import plugins
 from topoloc.cli.progress import bar
