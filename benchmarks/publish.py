@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.choice import REMEDY
+from benchmarks.report.comparisons import QUESTION
 from benchmarks.results import OK, Row, read_results
 from benchmarks.spread import (
     FEWEST_PAIRS,
@@ -45,8 +46,6 @@ HEADLINE: tuple[Pair, ...] = (
     *(("histogram", name) for name in ("grid", "particle", "sequence", "activity", "best-match")),
 )
 """The pairs of the README's table."""
-QUESTION: tuple[Pair, Pair] = (("ima", "activity"), ("pca", "particle"))
-"""The user's question: which of these two, when, and why?"""
 QUESTION_METRICS = ("node_accuracy", "position_median_m", "recall_at_p99", "calibration_error", "estimator_ms")
 TELLING = (
     "node_accuracy",

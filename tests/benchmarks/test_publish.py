@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 import tomli_w
 
-from benchmarks.publish import BEGIN, END, HEADLINE, HEADLINE_SCENARIOS, QUESTION, ROOT, Published, publish, report_of
+from benchmarks.publish import BEGIN, END, HEADLINE, HEADLINE_SCENARIOS, ROOT, Published, publish, report_of
+from benchmarks.report.comparisons import QUESTION
 from benchmarks.results import ResultsFile, Row
 from topoloc.errors import InputError
 
