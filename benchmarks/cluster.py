@@ -136,6 +136,7 @@ def _own() -> Iterator[Client]:
             memory_limit=0,
             host="127.0.0.1",
             dashboard_address=None,
+            scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},  # else it wants port 8787
             preload=QUIETLY,
         ) as cluster,
         Client(cluster) as client,

@@ -154,6 +154,7 @@ class ResultsFile:
 
     def append(self, row: Row) -> None:
         """Add a row; when this returns it is on the disk."""
+        self.rows.append(row)  # first: after a Ctrl-C in the midst of what follows, all of them are written at the end
         try:
             with self.path.open("a", encoding="utf-8", newline="") as file:
                 file.write(_line(row.cells()))
@@ -162,7 +163,6 @@ class ResultsFile:
         except OSError as error:
             reason = f"{self.path}: cannot be written ({error.strerror})"
             raise UserError(f"{reason}; make room, then continue with --resume {self.path.parent}") from error
-        self.rows.append(row)
 
     def _write(self, rows: Iterable[Row]) -> None:
         write_text(self.path, "".join([_line(COLUMNS), *(_line(row.cells()) for row in rows)]))

@@ -8,7 +8,8 @@ arrive one by one, from several those of a task together.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from itertools import groupby
 from uuid import uuid4
@@ -81,7 +82,7 @@ class Task:
 def run_suite(
     suite: Suite,
     results: ResultsFile,
-    work: Callable[[Suite, Sequence[Task]], Iterator[Outcome]],
+    work: Callable[[Suite, Sequence[Task]], Generator[Outcome]],
     on_row: Callable[[Row], None] = lambda row: None,
 ) -> None:
     """Run what is not in ``results`` yet, and append it there.
@@ -92,12 +93,13 @@ def run_suite(
         work: does tasks, in whatever order; see ``benchmarks.workers``.
         on_row: told of each row once it is written.
     """
-    for outcome in work(suite, tasks(suite, {row.key for row in results.rows})):
-        if isinstance(outcome, Row):
-            results.append(outcome)
-            on_row(outcome)
-        else:
-            write_text(results.path.parent / outcome.path, outcome.text)
+    with closing(work(suite, tasks(suite, {row.key for row in results.rows}))) as outcomes:  # workers end with an error
+        for outcome in outcomes:
+            if isinstance(outcome, Row):
+                results.append(outcome)
+                on_row(outcome)
+            else:
+                write_text(results.path.parent / outcome.path, outcome.text)
 
 
 def tasks(suite: Suite, done: set[Key]) -> list[Task]:

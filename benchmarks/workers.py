@@ -71,13 +71,13 @@ def _unordered(suite: Suite, left: dict[int, Task], **settings: Any) -> Generato
     """The outcomes of tasks as they come, a task's together; what has come is no longer left."""
     parallel = Parallel(return_as="generator_unordered", **settings)
     batches = parallel(delayed(_numbered)(number, suite, task) for number, task in list(left.items()))
-    try:
-        for number, outcomes in batches:
-            del left[number]
-            yield from outcomes
-    finally:
-        with warnings.catch_warnings(action="ignore"):  # joblib's: that not all of it was used
-            batches.close()
+    with warnings.catch_warnings(action="ignore", category=UserWarning):  # loky's: that it renewed a large process
+        try:
+            for number, outcomes in batches:
+                del left[number]
+                yield from outcomes
+        finally:
+            batches.close()  # joblib warns that not all of it was used
 
 
 def _numbered(number: int, suite: Suite, task: Task) -> Numbered:

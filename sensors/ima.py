@@ -311,7 +311,7 @@ class IMA:
             [Reference(ready.pixels[rows], ready.norms[rows], ready.circular) for ready in self._references],
         )
         found = [self._matched(frame, reference) for frame, reference in pairs]
-        zooms = np.stack([matches.value for matches in found]).argmax(axis=0)
+        zooms: list[int] = np.stack([matches.value for matches in found]).argmax(axis=0).tolist()
         return [self._slots_on(*pairs[zoom], found[zoom], row) for row, zoom in enumerate(zooms)]
 
     def _slots_on(self, frame: Floats, reference: Reference, found: Matches, row: int) -> SlotMatches:

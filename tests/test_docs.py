@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 from topoloc import plugins
-from topoloc.steps import STEP_COLUMNS
 from topoloc.cli.main import build_app
 from topoloc.map_folder import EDGE_COLUMNS, NODE_COLUMNS, VIEW_COLUMNS
 from topoloc.metrics import METRICS
 from topoloc.settings import parse_words
+from topoloc.steps import STEP_COLUMNS
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

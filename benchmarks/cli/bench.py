@@ -15,11 +15,11 @@ from cyclopts import Parameter
 from topoloc.errors import InputError, UserError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Generator, Iterator, Sequence
 
     from benchmarks.runner import Outcome, Suite, Task
 
-    Work = Callable[[Suite, Sequence[Task]], Iterator[Outcome]]
+    Work = Callable[[Suite, Sequence[Task]], Generator[Outcome]]
 
 SEEDS, UPDATES = 2, 60
 QUICK_SEEDS, QUICK_UPDATES = 1, 20
@@ -80,6 +80,8 @@ def bench(
     from topoloc.files import write_text
 
     _refuse_numbers(seeds, first_seed, updates, jobs)
+    if jobs is not None and cluster is not None:
+        raise UserError("--jobs is for this machine alone, --cluster for the workers of a cluster; give one of them")
     if resume is not None:
         if any((out, scenarios, sensors, estimators, seeds, first_seed, updates, settings, quick, full)):
             raise UserError(f"--resume takes its settings from the folder it continues; leave out {NOT_TAKEN}")
@@ -88,7 +90,8 @@ def bench(
     else:
         if quick and full:
             raise UserError("--quick and --full contradict each other; give one of them")
-        folder = _new_folder(out)
+        folder = out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-bench"
+        _refuse_taken(folder)
         usual = (QUICK_SEEDS, QUICK_UPDATES) if quick else (FULL_SEEDS if full else SEEDS, UPDATES)
         choice = choose(
             scenarios or (scenario_names() if full else QUICK_SCENARIOS if quick else None),
@@ -103,6 +106,7 @@ def bench(
     work = partial(in_processes, jobs=jobs or cpu_count()) if cluster is None else partial(on_cluster, address=cluster)
     with only_writer(folder):
         if resume is None:
+            _refuse_taken(folder)  # another may have begun and ended there since
             write_text(folder / "config.toml", tomli_w.dumps(config_of(choice, suite)))
         _run(folder, suite, work, as_json)
 
@@ -116,13 +120,11 @@ def _refuse_numbers(seeds: int | None, first_seed: int, updates: int | None, job
         raise UserError(f"--first-seed is {first_seed}; give a whole number from 0 on")
 
 
-def _new_folder(out: Path | None) -> Path:
+def _refuse_taken(folder: Path) -> None:
     from benchmarks.run_folder import is_free
 
-    folder = out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-bench"
     if not is_free(folder):
         raise InputError(folder, "exists already", f"name another folder, or continue it with --resume {folder}")
-    return folder
 
 
 def _run(folder: Path, suite: Suite, work: Work, as_json: bool) -> None:
@@ -138,7 +140,7 @@ def _run(folder: Path, suite: Suite, work: Work, as_json: bool) -> None:
     except (KeyboardInterrupt, UserError):
         with suppress(UserError):  # the first mistake is the one to tell of
             _finish(folder, suite, as_json)
-            print(f"stopped early; continue with: topoloc bench --resume {shlex.quote(str(folder))}", file=sys.stderr)
+        print(f"stopped early; continue with: topoloc bench --resume {shlex.quote(str(folder))}", file=sys.stderr)
         raise
     _finish(folder, suite, as_json)
 

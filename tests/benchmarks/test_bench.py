@@ -193,3 +193,9 @@ def test_two_scenarios_of_one_name_are_refused(tmp_path: Path, monkeypatch: pyte
     for names in (["mine", "other/mine"], ["./twins"]):
         with pytest.raises(UserError, match=r"two scenarios are called '(mine|twins)'; give the folder another name"):
             bench(**{**SMALL, "scenarios": names}, out=tmp_path / "run")
+
+
+def test_processes_here_and_a_cluster_are_not_both_used(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="give one of them"):
+        bench(**SMALL, jobs=2, cluster="local", out=tmp_path / "run")
+    assert list(tmp_path.iterdir()) == []

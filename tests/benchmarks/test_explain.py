@@ -6,7 +6,7 @@ import io
 import json
 import shutil
 from dataclasses import asdict, replace
-from itertools import chain
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ from rich.console import Console
 from benchmarks import replay
 from benchmarks.choice import Choice, suite_of
 from benchmarks.cli.explain import explain
-from benchmarks.drives import run_task
 from benchmarks.explanation import Explanation, Rerun, draw_explanation, print_explanation, run_again
 from benchmarks.explanation import explain as explain_step
 from benchmarks.explanation.explanation import led_to, shares_of
@@ -26,6 +25,7 @@ from benchmarks.results import ResultsFile
 from benchmarks.run_files import steps_path
 from benchmarks.runner import run_suite
 from benchmarks.scenarios import Case
+from benchmarks.workers import in_processes
 from estimators.activity import ActivityTracker, Hypotheses, action_model
 from sensors.images import cut_views
 from topoloc.errors import InputError, OutputExists, UnknownName, UserError
@@ -82,7 +82,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place.mkdir()
     (place / "config.toml").write_text(tomli_w.dumps({"run": asdict(choice)}))
     with ResultsFile(place / "results.csv") as results:
-        run_suite(suite_of(choice), results, lambda suite, tasks: chain(*(run_task(suite, task) for task in tasks)))
+        run_suite(suite_of(choice), results, partial(in_processes, jobs=1))
     return place
 
 
