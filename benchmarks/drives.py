@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 
 import numpy as np
@@ -27,10 +27,41 @@ from topoloc.topo_map import TopoMap
 ESTIMATOR_STREAM = 1
 """Beside the seed, so that an estimator does not draw the very numbers that the world's noise was made of."""
 LONGEST_REASON = 300
-REMEMBERED_DRIVES = 4
-"""Drives that a process keeps for its next task: those of one site and seed, for the next sensor."""
+KEPT_PICTURES = 1000
+"""Frames whose pictures a process keeps for the next sensor, some 330 MB in the laboratory; of longer drives they are
+made, or read, again."""
 
-_cases: dict[tuple[str, str, int], Case] = {}
+
+@dataclass
+class Remembered:
+    """The drives that a process made for its last task: the next sensor's are often the same.
+
+    Attributes:
+        where: suite, site and seed that they are of.
+        cases: by scenario.
+    """
+
+    where: tuple[str, str, int] = ("", "", 0)
+    cases: dict[str, Case] = field(default_factory=dict)
+
+    def case(self, suite: Suite, drive: Drive) -> Case:
+        """The drive, made where it is not remembered; those of another site or seed are forgotten."""
+        where = (suite.token, drive.scenario.site or drive.scenario.name, drive.seed)
+        if where != self.where:
+            self.where, self.cases = where, {}
+        name = drive.scenario.name
+        if name not in self.cases:
+            with one_thread():
+                self.cases[name] = drive.scenario.make(drive.seed)
+        return self.cases[name]
+
+    @property
+    def keeps_pictures(self) -> bool:
+        """Whether there is room for the pictures of all drives of this site."""
+        return sum(len(case.frames) for case in self.cases.values()) <= KEPT_PICTURES
+
+
+_remembered = Remembered()
 
 
 @dataclass(frozen=True)
@@ -55,7 +86,7 @@ def run_task(suite: Suite, task: Task) -> Iterator[Outcome]:
     fitted: Fitted | None = None
     for drive in task.drives:
         try:
-            case = _case(suite, drive)
+            case = _remembered.case(suite, drive)
             if drive.pictured:
                 yield _kept_drive(drive, case)
         except Exception as error:
@@ -67,22 +98,12 @@ def run_task(suite: Suite, task: Task) -> Iterator[Outcome]:
             status = UNAVAILABLE if isinstance(error, UserError) else FAILED
             yield from (_row(task.sensor, drive, pair, status, error) for pair in drive.pairs)
             continue
-        yield from _run_drive(suite, task.sensor, drive, case, SharedLooks(fitted.sensor, None))
-
-
-def _case(suite: Suite, drive: Drive) -> Case:
-    """The drive, made here or remembered from the task before."""
-    key = (suite.token, drive.scenario.name, drive.seed)
-    if key not in _cases:
-        while len(_cases) >= REMEMBERED_DRIVES:
-            del _cases[next(iter(_cases))]
-        with one_thread():
-            _cases[key] = drive.scenario.make(drive.seed)
-    return _cases[key]
+        looks = SharedLooks(fitted.sensor, None, keep_pictures=_remembered.keeps_pictures)
+        yield from _run_drive(suite, task.sensor, drive, case, looks)
 
 
 def _kept_drive(drive: Drive, case: Case) -> Kept:
-    shown = replay.drive_of(drive.scenario.name, drive.seed, case)
+    shown = replay.drive_of(drive.scenario.name, drive.seed, case, _remembered.keeps_pictures)
     return Kept(drive_path(drive.scenario.name), replay.as_json(shown))
 
 
@@ -157,8 +178,7 @@ def _localize(case: Case, looks: SharedLooks, estimator: Estimator, seed: int, s
         if shown:
             gated = localizer.last.kind == "gated"
             held.append(([] if gated else replay.cells_of(estimator.belief), replay.account_of(estimator)))
-    run = Run.of(case.topo_map, steps, case.truth, case.kidnapped_at)
-    updates = len(run.updates)
+    updates = sum(step.kind != "gated" for step in steps)
     costs = Costs(
         1e3 * looks.seconds / looks.looks if looks.looks else None,
         1e3 * seconds / updates if updates else None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from time import perf_counter
 
 from topoloc.interfaces import Sensor
+from topoloc.recording import LazyImages
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Frame
 
@@ -15,6 +16,7 @@ class SharedLooks:
     Args:
         sensor: any sensor.
         topo_map: to fit it to; None where it was fitted already.
+        keep_pictures: of the frames, for another sensor; a long drive's do not fit into memory.
 
     Attributes:
         sensor: the sensor.
@@ -23,8 +25,9 @@ class SharedLooks:
         waited: the same, with the time until the pictures were there [s].
     """
 
-    def __init__(self, sensor: Sensor, topo_map: TopoMap | None) -> None:
+    def __init__(self, sensor: Sensor, topo_map: TopoMap | None, keep_pictures: bool = True) -> None:
         self.sensor, self._seen = sensor, dict[float, Evidence | Exception]()
+        self._keep_pictures = keep_pictures
         self.looks, self.seconds, self.waited = 0, 0.0, 0.0
         if topo_map is not None:
             sensor.fit(topo_map)
@@ -61,3 +64,5 @@ class SharedLooks:
             self.looks += 1
             self.seconds += ended - started
             self.waited += ended - asked
+            if not self._keep_pictures and isinstance(frame.images, LazyImages):
+                frame.images.forget()

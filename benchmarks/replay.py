@@ -24,10 +24,13 @@ from topoloc.geometry import Floats
 from topoloc.interfaces import Estimator, Sensor
 from topoloc.localizer import Step
 from topoloc.plan import dead_reckoning
+from topoloc.recording import LazyImages
 from topoloc.types import Evidence, Frame, Pixels, WeightedPoses
 
 FRAME_WIDTH, PANORAMA_WIDTH, JPEG_QUALITY = 256, 1296, 55
 """Pictures are kept small: a report holds some hundred of them."""
+MOST_FRAMES = 400
+"""Of a longer drive, every second frame has its picture, or every third, and so on."""
 MOST_PANORAMAS = 60
 """Maps of more nodes are shown without panoramas, or the report would not be opened."""
 SHOWN_HYPOTHESES = 8
@@ -66,7 +69,7 @@ class Drive:
         times: of the frames [s].
         truth: x, y, heading of the robot at each frame.
         reckoned: where its odometer alone would put it, from the true start on; empty without an odometer.
-        frames: pictures as data URLs; empty where one could not be read.
+        frames: pictures as data URLs; empty where one could not be read, or was left out of a long drive.
         kidnapped_at: indices of the first frames after the robot was carried elsewhere.
     """
 
@@ -162,8 +165,16 @@ class Answer:
     account: Account | None
 
 
-def drive_of(scenario: str, seed: int, case: Case) -> Drive:
-    """What is to be seen of a drive, whatever looks at it."""
+def drive_of(scenario: str, seed: int, case: Case, keep_pictures: bool = True) -> Drive:
+    """What is to be seen of a drive, whatever looks at it.
+
+    Args:
+        scenario: its name.
+        seed: of the drive.
+        case: the drive.
+        keep_pictures: of the frames, in memory, for the sensors that look at them next.
+    """
+    every = -(-len(case.frames) // MOST_FRAMES)
     nodes = [
         NodeSeen(
             node.id,
@@ -183,7 +194,7 @@ def drive_of(scenario: str, seed: int, case: Case) -> Drive:
         [frame.timestamp for frame in case.frames],
         [_pose(pose) for pose in case.truth],
         [(x, y) for x, y, _ in map(_pose, _reckoned(case))],
-        [_frame_url(frame) for frame in case.frames],
+        ["" if number % every else _frame_url(frame, keep_pictures) for number, frame in enumerate(case.frames)],
         list(case.kidnapped_at),
     )
 
@@ -266,7 +277,7 @@ def panorama_url(panorama: Pixels) -> str:
     return _url(panorama, PANORAMA_WIDTH)
 
 
-def _frame_url(frame: Frame) -> str:
+def _frame_url(frame: Frame, keep: bool) -> str:
     kind = next((kind for kind in ("rgb", "omni") if kind in frame.images), None)
     if kind is None:
         return ""
@@ -276,6 +287,8 @@ def _frame_url(frame: Frame) -> str:
         picture = frame.images[kind]
     except UserError:  # the localizer met it, too, and said so
         return ""
+    if not keep and isinstance(frame.images, LazyImages):
+        frame.images.forget()
     return _url(picture, PANORAMA_WIDTH if picture.shape[1] > 3 * picture.shape[0] else FRAME_WIDTH)
 
 

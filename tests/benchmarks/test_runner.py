@@ -384,3 +384,26 @@ def test_memory_is_the_most_that_the_process_held() -> None:
     assert after is not None and after >= before + 50.0
     del held
     assert peak_mb() == pytest.approx(after, rel=0.1)
+
+
+@pytest.mark.parametrize(("room", "read"), [(1000, 1), (2 * FRAMES - 1, 2)])
+def test_pictures_are_kept_for_the_next_sensor_while_there_is_room(
+    room: int, read: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("benchmarks.drives.KEPT_PICTURES", room)
+    reads: list[str] = []
+
+    def make(name: str, seed: int) -> Case:
+        def reader() -> Image:
+            reads.append(name)
+            return np.zeros((4, 4), dtype=np.uint8)
+
+        case = toy_case(seed)
+        return replace(case, frames=[replace(frame, images=LazyImages({"rgb": reader})) for frame in case.frames])
+
+    scenarios = tuple(Scenario(name, "", partial(make, name), site="toys") for name in ("a", "b"))
+    chosen = suite(scenarios=scenarios, sensors={"one": FakeSensor, "other": FakeSensor}, seeds=(1, 2))
+    chosen = replace(chosen, estimators={"fake": FakeEstimator})
+    one, other = tasks(chosen, set())[2:]  # of the second seed, which is not replayed
+    assert len(list(run_task(chosen, one))) == len(list(run_task(chosen, other))) == 4
+    assert reads.count("b") == read * (FRAMES - 1)
