@@ -11,18 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.replay import (
-    FINEST_M,
-    LEAST_SHARE,
-    MOST_FRAMES,
-    SHOWN_HYPOTHESES,
-    SHOWN_PLACES,
-    account_of,
-    as_json,
-    cells_of,
-    drive_of,
-    look_of,
-)
+from benchmarks.replay import account_of, as_json, cells_of, drive_of, look_of
+from benchmarks.replay.record import FINEST_M, LEAST_SHARE, MOST_FRAMES, SHOWN_HYPOTHESES, SHOWN_PLACES
 from benchmarks.scenarios import Case
 from estimators import ActivityTracker, ParticleFilter
 from topoloc.localizer import Localizer
