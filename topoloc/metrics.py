@@ -156,6 +156,7 @@ class Metric:
 
     Attributes:
         name: of the column.
+        label: for people, where there is little room.
         unit: of the value; empty for a share or a pure number.
         definition: what it says, in one sentence.
         better: which way is better.
@@ -164,6 +165,7 @@ class Metric:
     """
 
     name: str
+    label: str
     unit: str
     definition: str
     better: Better
@@ -286,9 +288,17 @@ def _peak_mb(run: Run) -> float | None:
 
 
 METRICS: tuple[Metric, ...] = (
-    Metric("steps", "", "updates: frames whose motion gate opened; all else is counted over them", "neither", _steps),
+    Metric(
+        "steps",
+        "updates",
+        "",
+        "updates: frames whose motion gate opened; all else is counted over them",
+        "neither",
+        _steps,
+    ),
     Metric(
         "node_accuracy",
+        "node accuracy",
         "",
         "share of updates whose named node is at most 0.25 m farther from the true position than the nearest node",
         "higher",
@@ -296,6 +306,7 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "strict_accuracy",
+        "strict accuracy",
         "",
         "share of updates that name the very node nearest to the truth",
         "higher",
@@ -303,17 +314,40 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "adjacent_rate",
+        "adjacent",
         "",
         "share of updates whose named node is not right, but within 1 m or one edge of the node nearest to the truth",
         "lower",
         _adjacent_rate,
     ),
-    Metric("wrong_rate", "", "share of updates that name a node farther away than that, or none", "lower", _wrong_rate),
-    Metric("position_median_m", "m", "median distance from estimated to true position", "lower", _position_median),
-    Metric("position_rmse_m", "m", "root mean square of that distance", "lower", _position_rmse),
-    Metric("heading_median_deg", "deg", "median absolute error of the heading", "lower", _heading_median),
+    Metric(
+        "wrong_rate",
+        "wrong",
+        "",
+        "share of updates that name a node farther away than that, or none",
+        "lower",
+        _wrong_rate,
+    ),
+    Metric(
+        "position_median_m",
+        "median position error",
+        "m",
+        "median distance from estimated to true position",
+        "lower",
+        _position_median,
+    ),
+    Metric("position_rmse_m", "RMS position error", "m", "root mean square of that distance", "lower", _position_rmse),
+    Metric(
+        "heading_median_deg",
+        "median heading error",
+        "deg",
+        "median absolute error of the heading",
+        "lower",
+        _heading_median,
+    ),
     Metric(
         "steps_to_localize",
+        "updates to first fix",
         "updates",
         "updates up to the first that is LOCALIZED and right; 1 is the first one, empty if there is none",
         "lower",
@@ -321,6 +355,7 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "recall_at_p99",
+        "recall at 99 % precision",
         "",
         "largest share of updates answered rightly when only answers above some probability count and 99 % of these "
         "must be right",
@@ -329,15 +364,17 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "recovery_steps",
+        "updates to recover",
         "updates",
         "updates after a kidnapping up to the first right one, mean over kidnappings; empty without a kidnapping, or "
         "if one was never recovered from",
         "lower",
         _recovery_steps,
     ),
-    Metric("lost_rate", "", "share of updates with status LOST", "lower", _lost_rate),
+    Metric("lost_rate", "lost", "", "share of updates with status LOST", "lower", _lost_rate),
     Metric(
         "calibration_error",
+        "calibration error",
         "",
         "expected calibration error: mean gap between stated probability and share of right nodes, in 10 bins, over "
         "the updates that name a node",
@@ -346,6 +383,7 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "nees",
+        "NEES",
         "",
         "mean normalized squared error of the pose, over updates whose covariance is not singular (1 mm, 1 mrad); "
         "3 for an honest covariance, more for a boastful one",
@@ -354,6 +392,7 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "sensor_ms",
+        "sensor",
         "ms",
         "mean time of one look of the sensor, in one thread; waiting for the picture is left out",
         "lower",
@@ -362,6 +401,7 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "estimator_ms",
+        "estimator",
         "ms",
         "mean time of one update without the look: motion, evidence, estimate",
         "lower",
@@ -370,6 +410,7 @@ METRICS: tuple[Metric, ...] = (
     ),
     Metric(
         "peak_mb",
+        "memory",
         "MB",
         "most memory that the process held so far, whatever it ran before",
         "lower",
