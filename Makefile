@@ -12,7 +12,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 help:
 	@echo "make bench        set up, then compare sensors and estimators in the simulated laboratory (about a minute)"
 	@echo "make bench-quick  the same with one seed and fewer steps"
-	@echo "make report       run the whole benchmark, and write docs/reports and the README's table (hours; goes on where it stopped)"
+	@echo "make report       run the whole benchmark, and write docs/reports and the README's table (half an hour or more; goes on where it stopped)"
 	@echo "make speed        set up with the peers, then time our steps beside theirs (some minutes)"
 	@echo "make test         set up, then run the tests"
 	@echo "make test-slow    the tests that take longer"

@@ -17,7 +17,7 @@ from joblib import cpu_count
 from joblib._dask import DaskDistributedBackend
 
 from topoloc import __version__
-from topoloc.errors import UserError
+from topoloc.errors import UserError, one_line
 
 LOCAL = "local"
 ANSWER_S = 5.0
@@ -51,6 +51,13 @@ def joined(address: str, patience_s: float) -> Iterator[WatchedCluster]:
         yield WatchedCluster(client, address, patience_s)
 
 
+def refuse_unreachable(address: str, patience_s: float) -> None:
+    """Raise ``UserError`` where no cluster with workers answers at an address; there is nothing to ask of ``local``."""
+    if address != LOCAL:
+        with _silence(), _client(address, patience_s):
+            pass
+
+
 class WatchedCluster(DaskDistributedBackend):  # type: ignore[misc]  # joblib has no types
     """joblib's backend for dask; joblib 1.6's own waits for ever for a task given up, or for a cluster that is gone.
 
@@ -82,7 +89,7 @@ class WatchedCluster(DaskDistributedBackend):  # type: ignore[misc]  # joblib ha
         if isinstance(out, UserError):
             raise out
         if isinstance(out, BaseException):  # not the task's own: those come packed
-            raise UserError(f"{self._place} gave up a task ({_one_line(out)}); {RESUME}") from out
+            raise UserError(f"{self._place} gave up a task ({one_line(out)}); {RESUME}") from out
         return super().retrieve_result_callback(out)
 
     def start_call(self) -> None:
@@ -151,7 +158,7 @@ def _client(address: str, patience_s: float) -> Iterator[Client]:
         client = Client(address, timeout=ANSWER_S)
     except (OSError, ValueError) as error:
         raise UserError(
-            f"--cluster {address}: no dask scheduler answers there ({_one_line(error)}); start one with "
+            f"--cluster {address}: no dask scheduler answers there ({one_line(error)}); start one with "
             "'dask scheduler', and workers with 'dask worker ADDRESS --nthreads 1', or give 'local'"
         ) from None
     with client:
@@ -186,7 +193,3 @@ def _silence() -> Iterator[None]:
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())

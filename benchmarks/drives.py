@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from time import perf_counter
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks import replay
-from benchmarks.looks import SharedLooks
+from benchmarks.looks import CRASHES, SharedLooks
 from benchmarks.results import FAILED, UNAVAILABLE, Row
 from benchmarks.run_files import Kept, answers_path, drive_path, looks_path, steps_path
 from benchmarks.runner import Drive, Outcome, Suite, Task
 from benchmarks.scenarios import Case
-from topoloc.errors import UserError
+from estimators import BestMatch
+from topoloc.errors import UserError, one_line
 from topoloc.interfaces import Estimator, Sensor
 from topoloc.localizer import Localizer, Step
 from topoloc.metrics import Costs, Run, evaluate
@@ -27,6 +29,7 @@ from topoloc.topo_map import TopoMap
 ESTIMATOR_STREAM = 1
 """Beside the seed, so that an estimator does not draw the very numbers that the world's noise was made of."""
 LONGEST_REASON = 300
+KILLED = "its process was killed, perhaps for want of memory, or by the sensor or an estimator itself"
 KEPT_PICTURES = 1000
 """Frames whose pictures a process keeps for the next sensor, some 330 MB in the laboratory; of longer drives they are
 made, or read, again."""
@@ -87,14 +90,14 @@ def run_task(suite: Suite, task: Task) -> Iterator[Outcome]:
     for drive in task.drives:
         try:
             case = _remembered.case(suite, drive)
-            if drive.pictured:
-                yield _kept_drive(drive, case)
-        except Exception as error:
+        except CRASHES as error:
             yield from (_row(task.sensor, drive, pair, FAILED, error) for pair in drive.pairs)
             continue
+        if drive.pictured:
+            yield from _if_it_can_be_shown(partial(_kept_drive, drive, case))
         try:
             fitted = _fit(suite.sensors[task.sensor], case, fitted)
-        except Exception as error:
+        except CRASHES as error:
             status = UNAVAILABLE if isinstance(error, UserError) else FAILED
             yield from (_row(task.sensor, drive, pair, status, error) for pair in drive.pairs)
             continue
@@ -128,25 +131,23 @@ def _fit(make_sensor: Callable[[], Sensor], case: Case, before: Fitted | None) -
 
 
 def _run_drive(suite: Suite, sensor: str, drive: Drive, case: Case, looks: SharedLooks) -> Iterator[Outcome]:
-    seen = False
+    name, seen = drive.scenario.name, _look_ahead(case, looks)
+    if drive.shown and seen:
+        yield from _if_it_can_be_shown(partial(_kept_looks, sensor, drive, case, seen, looks))
     for estimator, seed in drive.pairs:
         pair, shown = (estimator, seed), drive.shown and seed == drive.seed
         try:
             made = suite.estimators[estimator]()
-        except Exception as error:
+        except CRASHES as error:
             yield _row(sensor, drive, pair, UNAVAILABLE if isinstance(error, UserError) else FAILED, error)
             continue
         try:
             with one_thread():
                 done = _localize(case, looks, made, seed, shown)
-                row = Row(drive.scenario.name, sensor, estimator, seed, values=evaluate(done.run))
-                if shown and not seen:
-                    yield _kept_looks(sensor, drive, case, done.steps, looks.sensor)
-        except Exception as error:
+                row = Row(name, sensor, estimator, seed, values=evaluate(done.run))
+        except CRASHES as error:
             yield _row(sensor, drive, pair, FAILED, error)
             continue
-        seen = True
-        name = drive.scenario.name
         if shown:
             yield Kept(answers_path(name, sensor, estimator), replay.as_json(done.answers))
         right = np.zeros(len(done.steps), dtype=bool)
@@ -155,13 +156,34 @@ def _run_drive(suite: Suite, sensor: str, drive: Drive, case: Case, looks: Share
         yield row
 
 
-def _kept_looks(sensor: str, drive: Drive, case: Case, steps: Sequence[Step], eye: Sensor) -> Kept:
-    looks = [
-        replay.look_of(number, frame, step, eye)
-        for number, (frame, step) in enumerate(zip(case.frames, steps, strict=True))
-        if step.kind != "gated"
-    ]
-    return Kept(looks_path(drive.scenario.name, sensor), replay.as_json(looks))
+def _look_ahead(case: Case, looks: SharedLooks) -> list[Step]:
+    """Let the sensor look at all that will be asked of it, so that no estimator's time has its cold caches in it.
+
+    Which frames are looked at depends on the odometer alone. Returns the steps, none where the sensor crashed: every
+    estimator will meet that.
+    """
+    localizer, steps = Localizer(case.topo_map, looks, BestMatch()), []
+    with one_thread(), suppress(*CRASHES):
+        for frame in case.frames:
+            localizer.step(frame)
+            assert localizer.last is not None  # a step was just made
+            steps.append(localizer.last)
+    return steps if len(steps) == len(case.frames) else []
+
+
+def _if_it_can_be_shown(keep: Callable[[], Kept]) -> Iterator[Kept]:
+    """What the replay needs; a run is none the worse where that cannot be made: the report says what is missing."""
+    with suppress(*CRASHES):
+        yield keep()
+
+
+def _kept_looks(sensor: str, drive: Drive, case: Case, steps: Sequence[Step], looks: SharedLooks) -> Kept:
+    kept = []
+    for number, (frame, step) in enumerate(zip(case.frames, steps, strict=True)):
+        if step.kind != "gated":
+            kept.append(replay.look_of(number, frame, step, looks.sensor))
+            looks.let_go(frame)
+    return Kept(looks_path(drive.scenario.name, sensor), replay.as_json(kept))
 
 
 def _localize(case: Case, looks: SharedLooks, estimator: Estimator, seed: int, shown: bool) -> _Localized:
@@ -193,6 +215,13 @@ def _localize(case: Case, looks: SharedLooks, estimator: Estimator, seed: int, s
     return _Localized(steps, run, answers)
 
 
+def killed_rows(task: Task) -> Iterator[Outcome]:
+    """The rows of a task that killed the process it was done in."""
+    for drive in task.drives:
+        for estimator, seed in drive.pairs:
+            yield Row(drive.scenario.name, task.sensor, estimator, seed, FAILED, KILLED)
+
+
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Libraries that would use every core hinder the other processes, and their sums depend on how many they get."""
@@ -207,16 +236,14 @@ def one_thread() -> Iterator[None]:
         cv2.setNumThreads(threads)
 
 
-def _row(sensor: str, drive: Drive, pair: tuple[str, int], status: str, error: Exception) -> Row:
+def _row(sensor: str, drive: Drive, pair: tuple[str, int], status: str, error: BaseException) -> Row:
     """A row that says why there is no result."""
     estimator, seed = pair
-    return Row(drive.scenario.name, sensor, estimator, seed, status, _one_line(error))
+    return Row(drive.scenario.name, sensor, estimator, seed, status, _reason(error))
 
 
-def _one_line(error: Exception) -> str:
-    text = " ".join(str(error).split())
-    if not isinstance(error, UserError):
-        text = f"{type(error).__name__}: {text}".removesuffix(": ")
+def _reason(error: BaseException) -> str:
+    text = one_line(error)
     return text if len(text) <= LONGEST_REASON else text[: LONGEST_REASON - 3] + "..."
 
 

@@ -9,6 +9,9 @@ from topoloc.recording import LazyImages
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Frame
 
+CRASHES = (Exception, SystemExit)
+"""What a sensor or an estimator may do wrong without taking the others with it."""
+
 
 class SharedLooks:
     """A fitted sensor that looks at each frame once and remembers what it saw, or what went wrong.
@@ -26,7 +29,7 @@ class SharedLooks:
     """
 
     def __init__(self, sensor: Sensor, topo_map: TopoMap | None, keep_pictures: bool = True) -> None:
-        self.sensor, self._seen = sensor, dict[float, Evidence | Exception]()
+        self.sensor, self._seen = sensor, dict[float, Evidence | BaseException]()
         self._keep_pictures = keep_pictures
         self.looks, self.seconds, self.waited = 0, 0.0, 0.0
         if topo_map is not None:
@@ -45,11 +48,16 @@ class SharedLooks:
         if frame.timestamp not in self._seen:
             self._seen[frame.timestamp] = self._look(frame)
         seen = self._seen[frame.timestamp]
-        if isinstance(seen, Exception):
-            raise seen
+        if isinstance(seen, BaseException):
+            raise seen.with_traceback(None)  # it would grow with every estimator, and hold all of them
         return seen
 
-    def _look(self, frame: Frame) -> Evidence | Exception:
+    def let_go(self, frame: Frame) -> None:
+        """Forget a frame's pictures, unless they are kept for another sensor."""
+        if not self._keep_pictures and isinstance(frame.images, LazyImages):
+            frame.images.forget()
+
+    def _look(self, frame: Frame) -> Evidence | BaseException:
         """What the sensor sees, or what the next estimator must meet as well without another look."""
         asked = started = perf_counter()
         try:
@@ -57,12 +65,11 @@ class SharedLooks:
                 frame.images[kind]  # rendered or read from disk now: that is no work of the sensor's
             started = perf_counter()
             return self.sensor.observe(frame)
-        except Exception as error:
+        except CRASHES as error:
             return error
         finally:
             ended = perf_counter()
             self.looks += 1
             self.seconds += ended - started
             self.waited += ended - asked
-            if not self._keep_pictures and isinstance(frame.images, LazyImages):
-                frame.images.forget()
+            self.let_go(frame)

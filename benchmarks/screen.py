@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from benchmarks.results import OK, Row, Summary, summarize
+from benchmarks.results import FAILED, OK, UNAVAILABLE, Row, Summary, summarize
 
 
 def print_tables(rows: Sequence[Row], recorded: Collection[str]) -> None:
@@ -35,6 +35,15 @@ def print_tables(rows: Sequence[Row], recorded: Collection[str]) -> None:
             cells = (_cell(accuracy.get((scenario, sensor, estimator))) for sensor in sensors)
             table.add_row(escape(estimator), *cells)
         console.print(table)
+
+
+def print_problems(rows: Sequence[Row]) -> None:
+    """How many runs failed, or could not be fed, and the first reason of each kind; nothing where all is well."""
+    for status in (FAILED, UNAVAILABLE):
+        bad = [row for row in rows if row.status == status]
+        if bad:
+            first = f"{bad[0].sensor} with {bad[0].estimator} on {bad[0].scenario}, seed {bad[0].seed}"
+            print(f"{len(bad)} of {len(rows)} runs {status}, the first {first}: {bad[0].reason}")
 
 
 def print_json(folder: Path, rows: Sequence[Row], expected: int) -> None:

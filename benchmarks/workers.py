@@ -5,17 +5,18 @@ from __future__ import annotations
 import warnings
 from collections.abc import Generator, Sequence
 from threading import Lock
+from types import ModuleType
 from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from benchmarks.drives import run_task
+from benchmarks.drives import killed_rows, run_task
 from benchmarks.runner import Outcome, Suite, Task
 from topoloc.errors import UserError
 
 ATTEMPTS = 2
-"""After a process of this machine was killed, what was not done yet is begun again once."""
+"""After a process of this machine was killed, what was not done yet is begun again once; then each task alone."""
 
 Numbered = tuple[int, list[Outcome]]
 
@@ -26,8 +27,8 @@ _alone = Lock()
 def in_processes(suite: Suite, tasks: Sequence[Task], jobs: int) -> Generator[Outcome]:
     """Do tasks in so many processes of this machine; with one, in this one.
 
-    Raises:
-        UserError: processes were killed, and when all was begun again that was not done, once more.
+    A process may be killed: by somebody, for want of memory, by what a sensor does. What it was doing is done again, in
+    the end alone in a process; a task that is killed there, too, has failed.
     """
     if min(jobs, len(tasks)) <= 1:
         for task in tasks:
@@ -41,7 +42,11 @@ def in_processes(suite: Suite, tasks: Sequence[Task], jobs: int) -> Generator[Ou
             return
         except TerminatedWorkerError:
             continue
-    raise UserError("processes were killed, perhaps for want of memory; continue with --resume and fewer --jobs")
+    for number, task in list(left.items()):
+        try:
+            yield from _unordered(suite, {number: task}, n_jobs=2)  # with 1, joblib would do it in this process
+        except TerminatedWorkerError:
+            yield from killed_rows(task)
 
 
 def on_cluster(suite: Suite, tasks: Sequence[Task], address: str, patience_s: float = 30.0) -> Generator[Outcome]:
@@ -57,14 +62,23 @@ def on_cluster(suite: Suite, tasks: Sequence[Task], address: str, patience_s: fl
     Raises:
         UserError: dask is not installed, nobody answers, or the cluster cannot do it.
     """
+    with _cluster().joined(address, patience_s) as backend, parallel_config(backend=backend):
+        yield from _unordered(suite, dict(enumerate(tasks)), pre_dispatch="all", batch_size=1)
+
+
+def refuse_unreachable(address: str, patience_s: float = 30.0) -> None:
+    """Raise ``UserError`` where ``on_cluster`` could not begin, before anything is written."""
+    _cluster().refuse_unreachable(address, patience_s)
+
+
+def _cluster() -> ModuleType:
     try:
-        from benchmarks.cluster import joined
+        from benchmarks import cluster
     except ImportError as error:
         raise UserError(
             f"--cluster needs dask.distributed ({error.name} is missing); pip install 'topoloc[cluster]'"
         ) from None
-    with joined(address, patience_s) as backend, parallel_config(backend=backend):
-        yield from _unordered(suite, dict(enumerate(tasks)), pre_dispatch="all", batch_size=1)
+    return cluster
 
 
 def _unordered(suite: Suite, left: dict[int, Task], **settings: Any) -> Generator[Outcome]:

@@ -6,6 +6,12 @@ from pathlib import Path
 from typing import Any
 
 
+def one_line(error: BaseException | str) -> str:
+    """What went wrong as one line: a user's mistake in its own words, anything else after its kind."""
+    kind = f"{type(error).__name__}: " if isinstance(error, BaseException) and not isinstance(error, UserError) else ""
+    return f"{kind}{' '.join(str(error).split())}".removesuffix(": ")
+
+
 class UserError(Exception):
     """A mistake of the user's. Its text is one line that says what is wrong and what to do; exit code 2."""
 

@@ -7,7 +7,7 @@ from dataclasses import MISSING, fields
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from topoloc.errors import UnknownName, UserError
+from topoloc.errors import UnknownName, UserError, one_line
 from topoloc.interfaces import Estimator, Sensor
 from topoloc.sensor_names import SensorName, parse
 from topoloc.settings import Setting, build, explained, refuse_unknown
@@ -38,6 +38,8 @@ def load(group: str, name: str) -> Any:
         return found[name].load()
     except ModuleNotFoundError as error:
         raise UserError(f"the {what} {name!r} needs the package {error.name!r}; install it with pip") from error
+    except Exception as error:
+        raise UserError(f"the {what} {name!r} cannot be loaded ({one_line(error)}); mend its package") from error
 
 
 def _kind(group: str) -> str:

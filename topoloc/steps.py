@@ -100,7 +100,7 @@ def _cells(topo_map: TopoMap, step: Step) -> tuple[str, ...]:
         f"{step.timestamp:.6f}",
         *_pose_cells(estimate.pose),
         "" if estimate.node is None else topo_map.nodes[estimate.node].id,
-        f"{estimate.probability:.4f}",
+        f"{estimate.probability:.9g}",
         estimate.status.value,
         "" if step.match is None else f"{step.match:.4f}",
         step.kind,

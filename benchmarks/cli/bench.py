@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from topoloc.cli.numbers import Whole
 from topoloc.errors import InputError, UserError
 
 if TYPE_CHECKING:
@@ -37,11 +38,11 @@ def bench(
     scenarios: Names = None,
     sensors: Names = None,
     estimators: Names = None,
-    seeds: int | None = None,
-    first_seed: int = 0,
-    updates: int | None = None,
+    seeds: Whole | None = None,
+    first_seed: Whole = 0,
+    updates: Whole | None = None,
     settings: Words = None,
-    jobs: int | None = None,
+    jobs: Whole | None = None,
     cluster: str | None = None,
     out: Path | None = None,
     resume: Path | None = None,
@@ -67,19 +68,21 @@ def bench(
         out: New folder for the results; runs/TIME-bench by default.
         resume: Folder of a run that was interrupted: run what is missing there, with its settings.
         quick: A first look: two scenarios, one seed, 20 frames.
-        full: Everything: all scenarios, 10 seeds; takes hours, and can be interrupted and resumed.
+        full: Everything: all scenarios, 10 seeds; takes half an hour or more, and can be interrupted and resumed.
         as_json: Print the rows as JSON in place of the tables.
     """
     import tomli_w
     from joblib import cpu_count
 
-    from benchmarks.choice import choose, config_of, read_choice, refuse_other_settings, suite_of
+    from benchmarks.choice import choose, left_out, read_choice, suite_of
+    from benchmarks.config import config_of, refuse_other_settings
     from benchmarks.run_folder import only_writer
     from benchmarks.scenarios import scenario_names
-    from benchmarks.workers import in_processes, on_cluster
+    from benchmarks.workers import in_processes, on_cluster, refuse_unreachable
     from topoloc.files import write_text
 
     _refuse_numbers(seeds, first_seed, updates, jobs)
+    _refuse_empty(scenarios=scenarios, sensors=sensors, estimators=estimators, set=settings)
     if jobs is not None and cluster is not None:
         raise UserError("--jobs is for this machine alone, --cluster for the workers of a cluster; give one of them")
     if resume is not None:
@@ -103,11 +106,16 @@ def bench(
             settings or (),
         )
     suite = suite_of(choice)
+    if cluster is not None:
+        refuse_unreachable(cluster)
+    if sensors is None and resume is None and left_out(choice):
+        print(f"left out, since no scenario here has what they need: {left_out(choice)}", file=sys.stderr)
     work = partial(in_processes, jobs=jobs or cpu_count()) if cluster is None else partial(on_cluster, address=cluster)
+    config = tomli_w.dumps(config_of(choice, suite))
     with only_writer(folder):
         if resume is None:
             _refuse_taken(folder)  # another may have begun and ended there since
-            write_text(folder / "config.toml", tomli_w.dumps(config_of(choice, suite)))
+            write_text(folder / "config.toml", config)
         _run(folder, suite, work, as_json)
 
 
@@ -118,6 +126,13 @@ def _refuse_numbers(seeds: int | None, first_seed: int, updates: int | None, job
             raise UserError(f"--{name} is {value}; give a whole number from 1 on")
     if first_seed < 0:
         raise UserError(f"--first-seed is {first_seed}; give a whole number from 0 on")
+
+
+def _refuse_empty(**lists: list[str] | None) -> None:
+    """Raise ``UserError`` for an option that was named with nothing after it: it would silently mean all."""
+    for name, words in lists.items():
+        if words == []:
+            raise UserError(f"--{name} has nothing after it; name at least one, or leave it out")
 
 
 def _refuse_taken(folder: Path) -> None:
@@ -137,7 +152,7 @@ def _run(folder: Path, suite: Suite, work: Work, as_json: bool) -> None:
     try:
         with ResultsFile(path, done) as results, _progress(len(suite.keys()), len(done)) as advance:
             run_suite(suite, results, work, on_row=lambda row: advance())
-    except (KeyboardInterrupt, UserError):
+    except BaseException:
         with suppress(UserError):  # the first mistake is the one to tell of
             _finish(folder, suite, as_json)
         print(f"stopped early; continue with: topoloc bench --resume {shlex.quote(str(folder))}", file=sys.stderr)
@@ -159,17 +174,18 @@ def _finish(folder: Path, suite: Suite, as_json: bool) -> None:
     """The report, the table on the screen, and where the files are."""
     from benchmarks.report import write_report
     from benchmarks.results import OK, read_results
-    from benchmarks.screen import print_json, print_tables
+    from benchmarks.screen import print_json, print_problems, print_tables
 
-    report = write_report(folder)
     rows = read_results(folder / "results.csv")
+    if not rows:  # stopped before anything was done: there is nothing to report
+        return
+    report = write_report(folder)
     bad = [row for row in rows if row.status != OK]
     if as_json:
         print_json(folder, rows, len(suite.keys()))
     else:
         print_tables(rows, {scenario.name for scenario in suite.scenarios if scenario.recorded})
-        if bad:
-            print(f"{len(bad)} of {len(rows)} runs gave no result, e.g. {bad[0].status}: {bad[0].reason}")
+        print_problems(rows)
         for path in (folder / "results.csv", folder / "config.toml", report):
             print(path)
     if bad and len(bad) == len(rows):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
+from topoloc.cli.numbers import Whole
 from topoloc.errors import UserError
 
 if TYPE_CHECKING:
@@ -19,11 +20,11 @@ if TYPE_CHECKING:
 def explain(
     run: Annotated[Path, Parameter(help="Folder of a benchmark run.")],
     *,
-    step: Annotated[int, Parameter(help="Frame, counted from 0, as the rows of steps.csv.", validator=Number(gte=0))],
+    step: Annotated[Whole, Parameter(help="Frame, counted from 0, as the rows of steps.csv.", validator=Number(gte=0))],
     scenario: Annotated[str | None, Parameter(help="The run's first by default, as for the next three.")] = None,
     sensor: Annotated[str | None, Parameter(help="One of the run's sensors.")] = None,
     estimator: Annotated[str | None, Parameter(help="One of its estimators.")] = None,
-    seed: Annotated[int | None, Parameter(help="One of its seeds.")] = None,
+    seed: Annotated[Whole | None, Parameter(help="One of its seeds.")] = None,
     output: Annotated[
         Path | None, Parameter(name=["--output", "-o"], help="Picture to make, a PNG; in the run's folder by default.")
     ] = None,

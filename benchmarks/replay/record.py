@@ -43,6 +43,8 @@ SHOWN_SLOTS = 4
 """So many of them with the slots."""
 SHOWN_PLACES, FINEST_M = 80, 0.1
 """A belief is summed up in at most so many square cells, of this side or, where it is spread wider, larger ones."""
+MOST_COLUMNS = 1000
+"""Of the finest cells, each way: a belief may reach far."""
 LEAST_SHARE = 0.002
 """A cell that holds less of the belief is left out."""
 
@@ -119,8 +121,9 @@ def answer_of(step: Step, right: bool, cells: list[Cell], account: Account | Non
 
 def cells_of(belief: WeightedPoses) -> list[Cell]:
     """A belief summed up in few square cells: x and y of their centres of mass, and their shares, largest first."""
-    places, weights, side = belief.poses[:, :2], belief.weights, FINEST_M
+    places, weights = belief.poses[:, :2], belief.weights
     low = places.min(axis=0)
+    side = max(FINEST_M, float((places.max(axis=0) - low).max()) / MOST_COLUMNS)
     while True:
         column, row = np.floor((places - low) / side).astype(np.int64).T
         index = column * (row.max() + 1) + row

@@ -8,8 +8,8 @@ from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.scenarios.case import Case, Scenario
+from topoloc.errors import UserError
 from topoloc.plugins import SCENARIOS, WORLDS, load, make
-from topoloc.settings import refuse_unknown
 from topoloc.topo_map import TopoMap
 
 if TYPE_CHECKING:
@@ -107,7 +107,8 @@ def simulated(name: str, updates: int, settings: Mapping[str, Any]) -> Scenario:
         UserError: a setting that the world does not have, or refuses.
     """
     kind: SimulatedScenario = load(SCENARIOS, name)
-    refuse_unknown({key: 0 for key in settings if key == "updates"}, set(), f"settings of {name}")
+    if "updates" in settings:
+        raise UserError(f"settings of {name}: the frames of all drives are set by --updates; take updates out here")
     frames = kind.stretch * updates
     carried = {"kidnap_at": frames // 2} if kind.kidnapped else {}
     world: World = make(WORLDS, kind.world, {**kind.settings, "updates": frames, **carried, **settings})

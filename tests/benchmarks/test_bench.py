@@ -3,17 +3,22 @@ from __future__ import annotations
 import json
 import shutil
 import tomllib
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from benchmarks.choice import Choice, read_choice, sensors_for, suite_of
+from benchmarks.choice import Choice, choose, left_out, read_choice, sensors_for, suite_of
 from benchmarks.cli.bench import bench
 from benchmarks.cli.simulate import simulate
-from benchmarks.results import COSTS, VALUES, read_results
+from benchmarks.config import config_of
+from benchmarks.results import COSTS, VALUES, Row, read_results
 from benchmarks.scenarios import DEFAULT, make_scenario
+from benchmarks.screen import print_problems
 from sensors import ColorHistogram
+from topoloc import plugins
+from topoloc.cli.main import run
 from topoloc.errors import UnknownName, UserError
 
 SMALL: dict[str, Any] = {"scenarios": ["lab-fresh"], "sensors": ["histogram"], "estimators": ["best-match", "grid"]}
@@ -89,15 +94,22 @@ def test_a_run_with_other_settings_is_not_continued(tmp_path: Path) -> None:
                 bench(resume=folder, jobs=1)
 
 
-def test_sensors_that_no_scenario_can_feed_are_named_and_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+def test_sensors_that_no_scenario_can_feed_are_named_and_left_out() -> None:
     chosen = sensors_for([make_scenario(name) for name in DEFAULT])
     assert chosen[0] == "ima"
     assert not {"disparity", "fourier"} & set(chosen)
-    out = capsys.readouterr().err
-    assert "disparity (rgb, right images)" in out
-    assert "fourier (omni images)" in out
+    assert left_out(choose(None, None, None, 1, 1)) == "disparity (rgb, right images), fourier (omni images)"
     assert "disparity" in sensors_for([make_scenario("office-stereo")])
     assert sensors_for([make_scenario("hall-omni")]) == ("fourier",)
+
+
+def test_what_is_left_out_is_told_once_the_run_begins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    small = {"scenarios": ["hall-omni"], "estimators": ["best-match"], "updates": 2, "seeds": 1, "jobs": 1}
+    with pytest.raises(UserError, match="no setting"):
+        bench(**small, settings=["nonsense"], out=tmp_path / "run")
+    assert capsys.readouterr().err == ""
+    bench(**small, out=tmp_path / "run")
+    assert "left out, since no scenario here has what they need: descriptor (rgb images)" in capsys.readouterr().err
 
 
 def test_what_gives_no_result_at_all_is_a_mistake(tmp_path: Path) -> None:
@@ -124,6 +136,15 @@ def test_settings_are_used_and_written_down(tmp_path: Path) -> None:
     sensor = suite_of(read_choice(folder)).sensors["histogram"]()
     assert isinstance(sensor, ColorHistogram) and sensor.config.sigma_m == 0.7
     bench(resume=folder, jobs=1)
+
+
+def test_settings_are_written_down_as_what_they_stand_for(tmp_path: Path) -> None:
+    words = ["sensors.ima.slots=4.0", "estimators.particle.particles=5e2", "sensors.mix(ima,histogram).weights=2,1"]
+    sensors = ("ima", "mix(ima,histogram)")
+    choice = Choice(("lab-fresh",), sensors, ("particle",), 1, 3, settings=tuple(words))
+    config = config_of(choice, suite_of(choice))
+    assert (config["sensors"]["ima"]["slots"], config["estimators"]["particle"]["particles"]) == (4, 500)
+    assert config["sensors"]["mix(ima,histogram)"]["weights"] == [2.0, 1.0]
 
 
 @pytest.mark.parametrize(
@@ -199,3 +220,70 @@ def test_processes_here_and_a_cluster_are_not_both_used(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="give one of them"):
         bench(**SMALL, jobs=2, cluster="local", out=tmp_path / "run")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("option", ["scenarios", "sensors", "estimators", "settings"])
+def test_an_option_with_nothing_after_it_does_not_mean_all(option: str, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="has nothing after it"):
+        bench(**{**SMALL, option: []}, out=tmp_path / "run")
+
+
+def test_numbers_that_are_not_whole_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for option in ("--seeds", "--updates", "--jobs", "--first-seed"):
+        assert run(["bench", option, "1.5", "--out", str(tmp_path / "run")]) == 2
+        assert f"{option} is '1.5'; write a whole number" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_cluster_that_does_not_answer_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="--cluster nonsense: no dask scheduler answers there"):
+        bench(**SMALL, cluster="nonsense", out=tmp_path / "run")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_settings_of_a_recorded_drive_and_its_length_are_refused_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    simulate("lab", output=Path("mine"), seed=3, settings=("updates=2",))
+    with pytest.raises(UserError, match="which is recorded: nothing is called 'people' here"):
+        bench(**{**SMALL, "scenarios": ["mine"]}, settings=["scenarios.mine.people=0.5"], out=tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ('estimators = ["best-match"]\n', "", r"\[run\] has no estimators"),
+        ("seeds = 1\n", "seeds = -2\n", "seeds is -2"),
+        ("seeds = 1\n", 'seeds = "many"\n', "write a number"),
+    ],
+)
+def test_a_config_that_somebody_spoilt_is_refused(old: str, new: str, problem: str, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    text = '[run]\nscenarios = ["lab-fresh"]\nsensors = ["ima"]\nestimators = ["best-match"]\nseeds = 1\nupdates = 3\n'
+    assert old in text
+    (folder / "config.toml").write_text(text.replace(old, new))
+    with pytest.raises(UserError, match=problem):
+        bench(resume=folder, jobs=1)
+
+
+def test_failures_are_told_before_what_could_not_be_fed(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [
+        Row("s", "ima", "grid", 0, "unavailable", "no pictures"),
+        Row("s", "ima", "grid", 1),
+        Row("s", "pca", "grid", 0, "failed", "a bug"),
+        Row("s", "pca", "grid", 1, "failed", "another"),
+    ]
+    print_problems(rows)
+    assert capsys.readouterr().out.splitlines() == [
+        "2 of 4 runs failed, the first pca with grid on s, seed 0: a bug",
+        "1 of 4 runs unavailable, the first ima with grid on s, seed 0: no pictures",
+    ]
+
+
+def test_a_sensor_whose_needs_are_a_property_may_be_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = make_scenario("lab-fresh")
+    point = EntryPoint("dynamic", "benchmarks.looks:SharedLooks", plugins.SENSORS)  # what it needs, an instance knows
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
+    assert sensors_for([scenario]) == ("dynamic",)

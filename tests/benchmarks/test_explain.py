@@ -175,6 +175,15 @@ def test_where_origins_and_odometry_lead_is_the_prediction_of_3_22() -> None:
     np.testing.assert_allclose(led_to(account, 1.0), predicted / predicted.sum(), atol=2e-4)
 
 
+def test_where_they_lead_is_the_prediction_whatever_power_of_the_match_counts() -> None:
+    """(3.23) with a power of the match: activity = match ** power * prediction, made one."""
+    predicted, match, power = np.array([0.5, 0.3, 0.2]), np.array([0.6, 0.8, 0.5]), 3.0
+    activity = match**power * predicted / np.sum(match**power * predicted)
+    lines = [replay.Line(k, 0.0, float(match[k]), float(activity[k]), False) for k in range(3)]
+    account = replay.Account("normal", lines, lines, 1, [[0.0] * 3] * 3, [[0.0] * 3] * 3)
+    np.testing.assert_allclose(led_to(account, power), predicted, atol=1e-4)
+
+
 def test_what_came_of_it_is_told() -> None:
     account = replay.account_of(table_5_7())
     assert account is not None

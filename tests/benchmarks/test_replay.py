@@ -106,3 +106,9 @@ def test_a_frame_without_a_picture_is_empty() -> None:
     (frame,) = frames(1, [])
     case = Case(toy_map(), [replace(frame, images={})], np.zeros((1, 3)))
     assert drive_of("dark", 0, case).frames == [""]
+
+
+def test_a_belief_that_reaches_far_takes_no_more_memory() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [3e6, -3e6, 0.0], [3e6, 3e6, 0.0]])
+    cells = cells_of(WeightedPoses(poses, np.log([0.5, 0.25, 0.25]), np.zeros(3)))
+    assert sorted(cells) == [(0.0, 0.0, 0.5), (3e6, -3e6, 0.25), (3e6, 3e6, 0.25)]

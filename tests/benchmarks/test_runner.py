@@ -407,3 +407,50 @@ def test_pictures_are_kept_for_the_next_sensor_while_there_is_room(
     one, other = tasks(chosen, set())[2:]  # of the second seed, which is not replayed
     assert len(list(run_task(chosen, one))) == len(list(run_task(chosen, other))) == 4
     assert reads.count("b") == read * (FRAMES - 1)
+
+
+class ExitingSensor(FakeSensor):
+    def observe(self, frame: Frame) -> Evidence:
+        raise SystemExit("bye")
+
+
+class ExitingEstimator(FakeEstimator):
+    def update(self, evidence: Evidence) -> float | None:
+        raise SystemExit(5)
+
+
+def test_who_exits_does_not_take_the_others_with_it(tmp_path: Path) -> None:
+    chosen = suite(
+        scenarios=(TOY,),
+        sensors={"exiting": ExitingSensor, "fake": FakeSensor},
+        estimators={"exiting": ExitingEstimator, "fake": FakeEstimator},
+        seeds=(0,),
+    )
+    rows = {(row.sensor, row.estimator): (row.status, row.reason) for row in results_of(chosen, tmp_path)}
+    assert rows == {
+        ("exiting", "exiting"): ("failed", "SystemExit: bye"),
+        ("exiting", "fake"): ("failed", "SystemExit: bye"),
+        ("fake", "exiting"): ("failed", "SystemExit: 5"),
+        ("fake", "fake"): ("ok", ""),
+    }
+
+
+def test_the_replay_of_a_recorded_drive_is_that_of_the_first_seed(tmp_path: Path) -> None:
+    scenario = Scenario("mine", "", toy_case, recorded=True)
+    results_of(suite(scenarios=(scenario,), seeds=(3, 4, 5)), tmp_path)
+    answers = json.loads((tmp_path / answers_path("mine", "fake", "fake")).read_text())
+    shown = [(answer["x"], answer["y"]) for answer in answers]
+    first, other = (read_steps(tmp_path / steps_path("mine", "fake", "fake", seed)).poses[:, :2] for seed in (3, 4))
+    assert np.array(shown) == pytest.approx(first, abs=1e-3)
+    assert np.abs(first - other).max() > 0.01
+
+
+def test_what_cannot_be_shown_does_no_harm_to_its_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*given: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("benchmarks.replay.drive_of", refuse)
+    monkeypatch.setattr("benchmarks.replay.look_of", refuse)
+    rows = results_of(suite(estimators={"fake": FakeEstimator}), tmp_path)
+    assert {row.status for row in rows} == {"ok"}
+    assert not (tmp_path / drive_path("toy")).exists() and not (tmp_path / looks_path("toy", "fake")).exists()

@@ -3,6 +3,7 @@ from __future__ import annotations
 import pickle
 from dataclasses import is_dataclass
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 
 import pytest
 
@@ -72,6 +73,15 @@ class TestOutsiders:
         self.install(monkeypatch, "fractions:Fraction")
         assert plugins.names(plugins.SENSORS) == ["mine"]
         assert plugins.load(plugins.SENSORS, "mine").__name__ == "Fraction"
+
+    def test_a_module_that_fails_when_it_is_loaded_is_the_users_mistake(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        (tmp_path / "spoilt_sensor.py").write_text("raise ValueError('at import')\n")
+        monkeypatch.syspath_prepend(tmp_path)
+        self.install(monkeypatch, "spoilt_sensor:Sensor")
+        with pytest.raises(UserError, match=r"sensor 'mine' cannot be loaded \(ValueError: at import\)"):
+            plugins.load(plugins.SENSORS, "mine")
 
     def test_a_missing_library_is_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.install(monkeypatch, "a_package_that_nobody_has:Thing")

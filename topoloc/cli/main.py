@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 from topoloc import __version__
-from topoloc.errors import UserError
+from topoloc.errors import UserError, one_line
 from topoloc.plugins import COMMANDS, load, names
 
 EXIT_USER_ERROR, EXIT_DEFECT, EXIT_INTERRUPTED = 2, 70, 130
@@ -28,7 +28,7 @@ def build_app() -> App:
         try:
             app.command(load(COMMANDS, name), name=name)
         except UserError as error:  # a broken command of somebody else's must not take the others with it
-            print(f"topoloc: the command {name!r} is left out: {_one_line(str(error))}", file=sys.stderr)
+            print(f"topoloc: the command {name!r} is left out: {one_line(str(error))}", file=sys.stderr)
     return app
 
 
@@ -43,9 +43,9 @@ def run(arguments: list[str]) -> int:
         result = build_app()(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         return result if isinstance(result, int) else 0
     except CycloptsError as error:
-        return _complain(f"{_one_line(str(error))} See 'topoloc --help'.")
+        return _complain(f"{one_line(str(error))} See 'topoloc --help'.")
     except UserError as error:
-        return _complain(_one_line(str(error)))
+        return _complain(one_line(str(error)))
     except OSError as error:
         return _system_says(error)
     except KeyboardInterrupt:
@@ -64,10 +64,6 @@ def _system_says(error: OSError) -> int:
         return 0
     place = f"{error.filename}: " if error.filename else ""
     return _complain(f"{place}{error.strerror or error}; look at the place, its room and its permissions")
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
 
 
 def _complain(text: str) -> int:
