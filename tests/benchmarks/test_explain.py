@@ -77,7 +77,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         writer.add(frame, truth)
     writer.close()
     pictures_in(folder / "tiny" / "recording" / "rgb")[UNREADABLE].write_text("no picture")
-    choice = Choice((str(folder / "tiny"),), SENSORS, tuple(names(ESTIMATORS)), seeds=2, updates=0)
+    choice = Choice((str(folder / "tiny"),), SENSORS, tuple(names(ESTIMATORS)), seeds=2, updates=1)
     place = folder / "run"
     place.mkdir()
     (place / "config.toml").write_text(tomli_w.dumps({"run": asdict(choice)}))
