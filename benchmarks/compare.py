@@ -12,17 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.choice import REMEDY
 from benchmarks.results import COSTS, FAILED, UNAVAILABLE, Row, read_results
-from benchmarks.spread import FEWEST_PAIRS, Difference, Group, Pair, Seeds, better, by_seed, differences, judged
+from benchmarks.spread import Difference, Group, Pair, Seeds, Verdict, by_seed, differences, judged, verdict
 from topoloc.errors import InputError, UnknownName, UserError
 from topoloc.sensor_names import parse
 from topoloc.settings import read_toml
 
-REMEDY = "name the folder of a benchmark run"
 NAMED = 3
 """Of several failed runs, so many are named."""
-BETTER, WORSE, HIGHER, LOWER = "better", "worse", "higher", "lower"
-NOTHING_TOLD, TOO_FEW, OTHER_DRIVES = "no difference told", "too few seeds", "other drives"
 
 
 @dataclass(frozen=True)
@@ -52,6 +50,10 @@ class BenchRun:
             table = table.get(name) if isinstance(table, Mapping) else None
         return table if isinstance(table, Mapping) else {}
 
+    def recorded(self, scenario: str) -> bool:
+        """Whether it is somebody's folder: one drive, in which a seed is the estimator's alone."""
+        return self.table("scenarios", scenario).get("recorded") is True
+
     def names(self, what: str) -> list[Any]:
         """Each ``scenario``, ``sensor``, ``estimator`` or ``seed`` of its rows, once."""
         return list(dict.fromkeys(getattr(row, what) for row in self.rows))
@@ -65,8 +67,8 @@ class Line:
         metric, scenario: what is compared where.
         a, b: pair of sensor and estimator on each side.
         mean_a, mean_b: over the seeds that both have a value for; without any, each over its own. None: no value.
-        difference: B less A; for ``near 3`` of their distances from 3.
-        verdict: what B is beside A: ``better``, ``worse``, ``higher``, ``lower``, or why nothing is told.
+        difference: B less A; for ``near 3`` of their distances from 3. Of one recorded drive without an interval.
+        verdict: what B is beside A, or why nothing is told.
     """
 
     metric: str
@@ -76,7 +78,7 @@ class Line:
     mean_a: float | None
     mean_b: float | None
     difference: Difference
-    verdict: str
+    verdict: Verdict
 
     def row(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -177,7 +179,7 @@ def compare_pairs(a: BenchRun, b: BenchRun, metric: str, pairs: tuple[Pair, Pair
 
 
 def _lines(a: BenchRun, b: BenchRun, metric: str, sides: Sequence[tuple[Group, Group]]) -> list[Line]:
-    way, groups_a, groups_b = better(metric), by_seed(a.rows, metric), by_seed(b.rows, metric)
+    groups_a, groups_b = by_seed(a.rows, metric), by_seed(b.rows, metric)
     alike = {name for name in a.names("scenario") if drives_alike(a, b, name)}
     paired = [
         (judged(groups_a[one], metric), judged(groups_b[other], metric)) if one[0] in alike else ({}, {})
@@ -185,10 +187,10 @@ def _lines(a: BenchRun, b: BenchRun, metric: str, sides: Sequence[tuple[Group, G
     ]
     lines = []
     for (one, other), difference in zip(sides, differences(paired), strict=True):
-        values = groups_a[one], groups_b[other]
-        mean_a, mean_b = _means(*values)
-        verdict = _verdict(difference, way) if one[0] in alike else OTHER_DRIVES
-        lines.append(Line(metric, one[0], one[1:], other[1:], mean_a, mean_b, difference, verdict))
+        scenario, means, one_drive = one[0], _means(groups_a[one], groups_b[other]), a.recorded(one[0])
+        told = verdict(difference, metric, one_drive) if scenario in alike else Verdict.OTHER_DRIVES
+        shown = replace(difference, interval=None) if one_drive else difference
+        lines.append(Line(metric, scenario, one[1:], other[1:], *means, shown, told))
     return lines
 
 
@@ -203,17 +205,6 @@ def _means(a: Seeds, b: Seeds) -> tuple[float | None, float | None]:
 def _mean(values: Iterable[float]) -> float | None:
     known = [value for value in values if np.isfinite(value)]
     return float(np.mean(known)) if known else None
-
-
-def _verdict(difference: Difference, way: str) -> str:
-    if difference.pairs < FEWEST_PAIRS:
-        return TOO_FEW
-    if not difference.called or difference.mean is None:
-        return NOTHING_TOLD
-    more = difference.mean > 0.0
-    if way == "neither":
-        return HIGHER if more else LOWER
-    return BETTER if more == (way == "higher") else WORSE
 
 
 def drives_alike(a: BenchRun, b: BenchRun, scenario: str) -> bool:
@@ -254,11 +245,11 @@ def warnings(a: BenchRun, b: BenchRun, metrics: Sequence[str], pairs: tuple[Pair
 
 
 def notes(a: BenchRun, b: BenchRun, lines: Iterable[Line]) -> list[str]:
-    """What the intervals of some scenarios do not tell, a line each."""
+    """On which scenarios no difference can be told, a line each."""
     return [
-        f"{name} is one recorded drive: its intervals tell of the estimators' chance only, not of other drives"
+        f"{name} is one recorded drive: its seeds tell of the estimators' chance only, not of other drives"
         for name in dict.fromkeys(line.scenario for line in lines)
-        if any(run.table("scenarios", name).get("recorded") is True for run in (a, b))
+        if a.recorded(name) or b.recorded(name)
     ]
 
 

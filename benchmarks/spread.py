@@ -16,6 +16,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cache
 
 import numpy as np
@@ -82,6 +83,20 @@ class Difference:
     def called(self) -> bool:
         """Whether it is called a difference."""
         return self.pairs >= FEWEST_PAIRS and self.interval is not None and self.interval.excludes_zero
+
+
+class Verdict(StrEnum):
+    """What the second side is beside the first, or why nothing is told; the values are the words for people."""
+
+    BETTER = "better"
+    WORSE = "worse"
+    HIGHER = "higher"
+    LOWER = "lower"
+    NOT_TOLD = "no difference told"
+    TOO_FEW = "too few seeds"
+    ONE_DRIVE = "one drive: not told"
+    OTHER_DRIVES = "other drives"
+    NO_VALUE = "no value"
 
 
 @dataclass(frozen=True)
@@ -174,6 +189,33 @@ def better(column: str) -> Better:
     if column not in ways:
         raise UnknownName("metric", column, list(ways))
     return ways[column]
+
+
+def verdict(difference: Difference, column: str, one_drive: bool = False) -> Verdict:
+    """What the second side of a difference is beside the first.
+
+    Args:
+        difference: second side less first.
+        column: of ``results.csv`` that it was taken in. Where neither way is better, a side is higher or lower.
+        one_drive: all pairs are of one recorded drive: their interval tells of the estimators' chance alone, so that
+            nothing is told.
+
+    Raises:
+        UnknownName: there is no such column.
+    """
+    way = better(column)
+    if difference.mean is None and difference.left_out:
+        return Verdict.NO_VALUE
+    if one_drive:
+        return Verdict.ONE_DRIVE
+    if difference.mean is None or difference.pairs < FEWEST_PAIRS:
+        return Verdict.TOO_FEW
+    if not difference.called:
+        return Verdict.NOT_TOLD
+    more = difference.mean > 0.0
+    if way == "neither":
+        return Verdict.HIGHER if more else Verdict.LOWER
+    return Verdict.BETTER if more == (way == "higher") else Verdict.WORSE
 
 
 def by_seed(rows: Iterable[Row], column: str) -> dict[Group, dict[int, float]]:

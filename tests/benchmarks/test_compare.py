@@ -110,6 +110,7 @@ def test_a_difference_by_hand(make_run: MakeRun) -> None:
         ("node_accuracy", [0.4, 0.7] * 3, "no difference told"),
         ("node_accuracy", [1.0] * 5, "too few seeds"),
         ("node_accuracy", [*[1.0] * 5, None], "too few seeds"),
+        ("node_accuracy", [None] * 6, "no value"),
         ("nees", MORE, "better"),
         ("nees", [6.0 - value for value in SIX], "no difference told"),
         ("nees", [9.0] * 6, "worse"),
@@ -255,12 +256,19 @@ def test_an_unfinished_run_and_what_failed_are_told(make_run: MakeRun) -> None:
     assert line_of(a, make_run("b", {("lab", IMA): SIX})).difference.left_out == 4
 
 
-def test_one_recorded_drive_is_told(make_run: MakeRun) -> None:
-    values = {("lab", IMA): SIX, ("hall", IMA): SIX}
+def test_of_one_recorded_drive_no_difference_is_told(make_run: MakeRun) -> None:
+    """A deterministic estimator has the same value in every seed: of that, any interval has no width."""
+    values = {("lab", IMA): [0.5] * 6, ("hall", IMA): [0.5] * 6}
     recorded = changed(scenarios={"hall": {"recorded": True}})
-    run = read_run(make_run("a", values, recorded))
-    (note,) = notes(run, run, compare_runs(run, run, METRIC))
-    assert note.startswith("hall is one recorded drive: its intervals tell of the estimators' chance only")
+    a = read_run(make_run("a", values, recorded))
+    b = read_run(make_run("b", dict.fromkeys(values, [0.75] * 6), recorded))
+    lines = {line.scenario: line for line in compare_runs(a, b, METRIC)}
+    assert lines["lab"].verdict == "better"
+    hall = lines["hall"]
+    assert (hall.mean_a, hall.mean_b, hall.difference.mean, hall.difference.pairs) == (0.5, 0.75, 0.25, 6)
+    assert (hall.difference.interval, hall.verdict) == (None, "one drive: not told")
+    (note,) = notes(a, b, lines.values())
+    assert note.startswith("hall is one recorded drive: ")
 
 
 # --- what it refuses ------------------------------------------------------------------------------------------------
@@ -359,6 +367,20 @@ def test_the_list_for_machines(make_run: MakeRun, topoloc: Callable[..., tuple[i
             "verdict": "too few seeds",
         }
     ]
+
+
+def test_one_recorded_drive_is_shown_without_an_interval(
+    make_run: MakeRun, topoloc: Callable[..., tuple[int, str, str]]
+) -> None:
+    recorded = changed(scenarios={"hall": {"recorded": True}})
+    run = make_run("a", {("hall", IMA): [0.5] * 6, ("hall", PCA): [0.75] * 6}, recorded)
+    words = [run, "--pairs", "ima/activity", "pca/particle", "--metric", METRIC]
+    code, out, errors = topoloc(*words)
+    assert (code, errors.count("hall is one recorded drive")) == (0, 1)
+    (row,) = [line.split() for line in out.splitlines() if line.startswith(" hall")]
+    assert row == ["hall", "0.500", "0.750", "0.250", "6", "one", "drive:", "not", "told"]
+    (line,) = json.loads(topoloc(*words, "--json")[1])
+    assert (line["low"], line["high"], line["verdict"]) == (None, None, "one drive: not told")
 
 
 def test_many_warnings_are_cut_short(make_run: MakeRun, topoloc: Callable[..., tuple[int, str, str]]) -> None:

@@ -13,7 +13,19 @@ from scipy import stats
 
 from benchmarks import spread
 from benchmarks.results import Row
-from benchmarks.spread import Difference, Interval, against_best, better, differences, intervals, paired, spreads, tail
+from benchmarks.spread import (
+    Difference,
+    Interval,
+    Verdict,
+    against_best,
+    better,
+    differences,
+    intervals,
+    paired,
+    spreads,
+    tail,
+    verdict,
+)
 from topoloc.errors import UnknownName
 from topoloc.geometry import Floats
 
@@ -187,6 +199,51 @@ def test_only_seeds_of_both_are_pairs_and_missing_values_are_counted() -> None:
         Difference(None, None, 0),
     ]
     assert differences([]) == []
+
+
+# --- the word for it ------------------------------------------------------------------------------------------------
+
+MORE, LESS = Difference(0.1, Interval(0.05, 0.2), 6), Difference(-0.1, Interval(-0.2, -0.05), 6)
+
+
+@pytest.mark.parametrize(
+    ("column", "of_more", "of_less"),
+    [
+        ("node_accuracy", Verdict.BETTER, Verdict.WORSE),
+        ("position_median_m", Verdict.WORSE, Verdict.BETTER),
+        ("nees", Verdict.WORSE, Verdict.BETTER),  # farther from 3
+        ("estimator_ms", Verdict.WORSE, Verdict.BETTER),
+        ("steps", Verdict.HIGHER, Verdict.LOWER),
+    ],
+)
+def test_the_word_knows_which_way_is_better(column: str, of_more: Verdict, of_less: Verdict) -> None:
+    assert (verdict(MORE, column), verdict(LESS, column)) == (of_more, of_less)
+
+
+@pytest.mark.parametrize(
+    ("found", "word"),
+    [
+        (Difference(0.1, Interval(-0.05, 0.2), 6), "no difference told"),
+        (Difference(0.1, Interval(0.0, 0.2), 6), "no difference told"),
+        (Difference(0.1, Interval(0.05, 0.2), 5), "too few seeds"),
+        (Difference(0.1, None, 1, 9), "too few seeds"),
+        (Difference(None, None, 0), "too few seeds"),  # no seed of both
+        (Difference(None, None, 0, 6), "no value"),
+    ],
+)
+def test_why_nothing_is_told(found: Difference, word: str) -> None:
+    assert verdict(found, "node_accuracy") == word
+
+
+def test_of_one_drive_nothing_is_told() -> None:
+    for found in (MORE, LESS, Difference(0.1, Interval(0.1, 0.1), 6), Difference(0.1, Interval(0.1, 0.1), 2)):
+        assert verdict(found, "node_accuracy", one_drive=True) == "one drive: not told"
+    assert verdict(Difference(None, None, 0, 6), "node_accuracy", one_drive=True) == "no value"
+
+
+def test_the_word_needs_a_metric() -> None:
+    with pytest.raises(UnknownName, match="no metric is called 'speed'"):
+        verdict(MORE, "speed")
 
 
 # --- of rows --------------------------------------------------------------------------------------------------------
