@@ -6,13 +6,15 @@ listed here; the fields are those of ``benchmarks.replay``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from benchmarks.report.replay_files import whole
 
 KINDS = ("update", "blind", "unreadable", "gated")
 STATES = ("LOCALIZED", "AMBIGUOUS", "LOST")
+VERDICTS = ("right", "adjacent", "wrong")
+"""On the named node, as docs/metrics.md has them."""
 ACCOUNTS = ("normal", "virtual", "supposed", "none")
 MOST_CELLS = 24
 """Of a belief, the largest ones."""
@@ -34,13 +36,17 @@ def looks_of(found: Sequence[Found]) -> Compact:
     ]
 
 
-def answers_of(found: Sequence[Found]) -> Compact:
+def answers_of(found: Sequence[Found], near: Sequence[Collection[int]]) -> Compact:
     """What an estimator answered: a list for each frame.
 
-    Kind, x, y, heading, node, probability, status, right, belief (x, y, share, x, y, share, ...), account. Where the
-    gate stayed closed belief and account are those of the frame before, and are left out.
+    Kind, x, y, heading, node, probability, status, verdict, belief (x, y, share, x, y, share, ...), account. Where the
+    gate stayed closed there is no verdict (-1), and belief and account are those of the frame before and left out.
+
+    Args:
+        found: the answers.
+        near: at each frame, the nodes that are adjacent if they are not right.
     """
-    return [_answer(one) for one in found]
+    return [_answer(one, nodes) for one, nodes in zip(found, near, strict=False)]
 
 
 def _hypothesis(one: Found) -> Compact:
@@ -67,9 +73,10 @@ def _slots(one: Found) -> Compact:
     ]
 
 
-def _answer(one: Found) -> Compact:
+def _answer(one: Found, near: Collection[int]) -> Compact:
     kind = KINDS.index(one["kind"])
     gated = KINDS[kind] == "gated"
+    verdict = "right" if one["right"] else "adjacent" if one["node"] in near else "wrong"
     return [
         kind,
         whole(one["x"], 100),
@@ -78,7 +85,7 @@ def _answer(one: Found) -> Compact:
         -1 if one["node"] is None else int(one["node"]),
         whole(one["probability"], 1000),
         STATES.index(one["status"]),
-        int(bool(one["right"])),
+        -1 if gated else VERDICTS.index(verdict),
         [] if gated else _belief(one["belief"]),
         0 if gated or one["account"] is None else _account(one["account"]),
     ]

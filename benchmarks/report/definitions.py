@@ -8,7 +8,6 @@ import tomli_w
 
 from benchmarks.report.markup import items
 from benchmarks.report.run_read import RunRead
-from benchmarks.report.scenario_tables import heading
 from topoloc.metrics import METRICS
 
 
@@ -26,7 +25,8 @@ def notice(run: RunRead) -> str:
     if recorded:
         told.append(
             f"<p><b>Somebody's folder</b> ({escape(', '.join(recorded))}): one drive. Its seeds are the estimator's "
-            "random numbers alone, so an interval over seeds says nothing about another drive.</p>"
+            "random numbers alone: an interval over seeds says nothing about another drive, and no difference is "
+            "called from it.</p>"
         )
     return "".join(told)
 
@@ -43,7 +43,7 @@ def problems(run: RunRead) -> str:
 
 def definitions_table() -> str:
     """Every metric: name, unit, definition, which way is better."""
-    lines = [(heading(m.name), m.name, m.unit, m.definition, m.better) for m in METRICS]
+    lines = [(m.label, m.name, m.unit, m.definition, m.better) for m in METRICS]
     body = "".join(
         f'<tr><th scope="row">{escape(name)}</th><td><code>{escape(column)}</code></td>'
         + "".join(f"<td>{escape(cell)}</td>" for cell in rest)

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 
-from benchmarks.report.markup import number, pair_name, plural, span
-from benchmarks.report.run_read import RunRead
 from benchmarks.results import Row
-from benchmarks.spread import FEWEST_PAIRS, Best, Interval, Pair, against_best, by_seed, spreads
+from benchmarks.spread import Best, Interval, Pair, Verdict, against_best, by_seed, spreads, verdict
 
 METRIC = "node_accuracy"
 ALL = "all scenarios"
 
-BEST, LEVEL, WORSE, ELSEWHERE, OPEN = "best", "level", "worse", "elsewhere", "open"
-MARKS = {BEST: "★", LEVEL: "≈", WORSE: "▽", ELSEWHERE: "†", OPEN: ""}
-"""A sign for each verdict, so that colour alone tells nothing."""
+BEST, LEVEL, WORSE, PARTLY, OPEN = "best", "level", "worse", "partly", "open"
+MARKS = {BEST: "★", LEVEL: "≈", WORSE: "▽", PARTLY: "†", OPEN: ""}
+"""A sign for each standing, so that colour alone tells nothing."""
+
+Known = Mapping[Pair, Mapping[str, Mapping[int, float]]]
+"""Values by pair, scenario and seed; a pair without any is not among them."""
 
 
 @dataclass(frozen=True)
@@ -27,16 +26,17 @@ class Cell:
     """A pair's node accuracy.
 
     Attributes:
-        mean: over the scenarios that it ran on, with equal weights, and over the seeds that all of these have.
+        mean: over the compared scenarios or, where it lacks one of them, over those that it ran on; with equal
+            weights, over the seeds that all of these have.
         interval: of that mean over the seeds.
-        scenarios: that it ran on.
-        verdict: how it stands to the best pair.
+        scenarios: how many the mean is over.
+        standing: beside the best pair.
     """
 
     mean: float
     interval: Interval | None
     scenarios: int
-    verdict: str
+    standing: str
 
 
 @dataclass(frozen=True)
@@ -45,138 +45,90 @@ class Headline:
 
     Attributes:
         cells: by pair; one without a value is not among them.
-        best: pair with the highest mean, among those that ran on the scenarios that most ran on.
-        compared: these scenarios.
+        best: pair with the highest mean, among those that ran on all of the compared scenarios.
+        compared: the scenarios that pairs are compared over.
         seeds: that the mean of the best is over.
+        one_drive: nothing but recorded scenarios has a value, and so no difference is called.
     """
 
     cells: Mapping[Pair, Cell]
     best: Pair | None
     compared: frozenset[str]
     seeds: int
+    one_drive: bool = False
 
     @property
     def ranked(self) -> list[Pair]:
-        """Pairs from the highest mean down; last those that ran on other scenarios than most."""
-        return sorted(self.cells, key=lambda pair: (self.cells[pair].verdict == ELSEWHERE, -self.cells[pair].mean))
+        """Pairs from the highest mean down; last those that lack one of the compared scenarios."""
+        return sorted(self.cells, key=lambda pair: (self.cells[pair].standing == PARTLY, -self.cells[pair].mean))
 
 
-def headline_of(rows: Sequence[Row]) -> Headline:
-    """The table from the rows of a run."""
-    where, averaged = _averaged(rows)
-    if not averaged:
+def headline_of(rows: Sequence[Row], recorded: Collection[str] = ()) -> Headline:
+    """The table from the rows of a run.
+
+    Args:
+        rows: of the run.
+        recorded: scenarios of one drive. They are left out, unless there is nothing else: their seeds are the
+            estimator's alone, and an interval over them tells of no other drive.
+    """
+    simulated = known_of(row for row in rows if row.scenario not in recorded)
+    known = simulated or known_of(rows)
+    if not known:
         return Headline({}, None, frozenset(), 0)
-    usual = max(Counter(where.values()).items(), key=lambda item: (item[1], len(item[0])))[0]
-    found = against_best([row for row in averaged if where[row.sensor, row.estimator] == usual], METRIC).get(ALL)
+    compared = largest_block([frozenset(own) for own in known.values()])
+    whole = {pair for pair, own in known.items() if compared <= own.keys()}
+    over = {pair: compared if pair in whole else own.keys() for pair, own in known.items()}
+    averaged = [row for pair, own in known.items() for row in _averaged(pair, [own[name] for name in over[pair]])]
+    found = against_best([row for row in averaged if (row.sensor, row.estimator) in whole], METRIC).get(ALL)
     groups, ends = by_seed(averaged, METRIC), spreads(averaged, METRIC)
     cells = {
         pair: Cell(
             statistics.fmean(groups[ALL, *pair].values()),
             ends[ALL, *pair],
-            len(scenarios),
-            verdict_of(pair, found) if scenarios == usual else ELSEWHERE,
+            len(over[pair]),
+            standing_of(pair, found, one_drive=not simulated) if pair in whole else PARTLY,
         )
-        for pair, scenarios in where.items()
+        for pair in known
         if (ALL, *pair) in groups
     }
     best = found.pair if found else None
-    return Headline(cells, best, usual, len(groups[ALL, *best]) if best else 0)
+    return Headline(cells, best, compared, len(groups[ALL, *best]) if best else 0, one_drive=not simulated)
 
 
-def _averaged(rows: Sequence[Row]) -> tuple[dict[Pair, frozenset[str]], list[Row]]:
-    """Where each pair ran, and a row for each of its seeds that all of these scenarios have a value for."""
+def known_of(rows: Iterable[Row]) -> Known:
+    """The values of a run's rows."""
     pairs: dict[Pair, dict[str, dict[int, float]]] = {}
     for (scenario, sensor, estimator), seeds in by_seed(rows, METRIC).items():
-        known = {seed: value for seed, value in seeds.items() if math.isfinite(value)}
-        if known:
-            pairs.setdefault((sensor, estimator), {})[scenario] = known
-    averaged = []
-    for pair, values in pairs.items():
-        for seed in sorted(set.intersection(*(set(one) for one in values.values()))):
-            mean = statistics.fmean(one[seed] for one in values.values())
-            averaged.append(Row(ALL, *pair, seed, values={METRIC: mean}))
-    return {pair: frozenset(values) for pair, values in pairs.items()}, averaged
+        values = {seed: value for seed, value in seeds.items() if math.isfinite(value)}
+        if values:
+            pairs.setdefault((sensor, estimator), {})[scenario] = values
+    return pairs
 
 
-def verdict_of(pair: Pair, best: Best | None) -> str:
+def largest_block(sets: Collection[frozenset[str]]) -> frozenset[str]:
+    """One of the pairs' own sets of scenarios: that with most pairs on all of it, times its size.
+
+    So sensors that run on nearly everything are compared with each other, and one scenario more or less of some of
+    them does not part the others. Of equals the larger set wins.
+    """
+
+    def size(one: frozenset[str]) -> tuple[int, int, list[str]]:
+        return sum(one <= other for other in sets) * len(one), len(one), sorted(one)
+
+    return max(set(sets), key=size)
+
+
+def _averaged(pair: Pair, scenarios: Sequence[Mapping[int, float]]) -> list[Row]:
+    """A row for each seed that all of the scenarios have a value for, with the mean over them."""
+    seeds = sorted(set.intersection(*map(set, scenarios)))
+    return [Row(ALL, *pair, seed, values={METRIC: statistics.fmean(own[seed] for own in scenarios)}) for seed in seeds]
+
+
+def standing_of(pair: Pair, best: Best | None, one_drive: bool = False) -> str:
     """How a pair stands to the best one; a pair with the very same mean is best, too."""
     if best is None or pair in best.incomplete:
         return OPEN
     if pair == best.pair or best.others[pair].mean == 0.0:
         return BEST
-    if best.others[pair].pairs < FEWEST_PAIRS:
-        return OPEN
-    return WORSE if best.others[pair].called else LEVEL
-
-
-def headline_section(run: RunRead, headline: Headline) -> str:
-    """The table, what its marks mean, and what cannot be said."""
-    if not headline.cells:
-        return "<p>No run has come to an end, so there is nothing to compare yet.</p>"
-    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in run.estimators)
-    body = "".join(
-        f'<tr><th scope="row">{escape(sensor)}</th>'
-        + "".join(_cell(run, headline, (sensor, estimator)) for estimator in run.estimators)
-        + "</tr>"
-        for sensor in run.sensors
-    )
-    return (
-        f"{_finding(run, headline)}"
-        f'<p class="note">Node accuracy, mean over the scenarios that a pair ran on and '
-        f"{plural(headline.seeds, 'seed')} [95 % interval over seeds]; 1 is best.</p>"
-        '<div class="wide" tabindex="0" role="region" aria-label="Node accuracy, sensors by estimators">'
-        f'<table class="matrix"><thead><tr><td></td>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-        f"{_legend(headline)}"
-    )
-
-
-def _finding(run: RunRead, headline: Headline) -> str:
-    """What the table says, in a sentence."""
-    if headline.best is None:
-        return ""
-    cell = headline.cells[headline.best]
-    names = [pair_name(pair) for pair, one in headline.cells.items() if one.verdict == BEST]
-    best = ", ".join(f"<b>{escape(name)}</b>" for name in names or [pair_name(headline.best)])
-    value = f"{number(cell.mean)} {span(cell.interval)}".strip()
-    among = ""
-    if len(headline.compared) < len(run.scenarios):
-        among = f" among the pairs that ran on {escape(', '.join(sorted(headline.compared)))}"
-    if headline.seeds < FEWEST_PAIRS:
-        return (
-            f"<p>Highest so far{among}: {best} with {value}. With {plural(headline.seeds, 'seed')} no difference can "
-            f"be called one yet: that takes at least {FEWEST_PAIRS}. Run <code>topoloc bench --seeds 10</code> to tell "
-            "pairs apart.</p>"
-        )
-    counts = Counter(cell.verdict for cell in headline.cells.values())
-    return (
-        f"<p>Highest{among}: {best} with {value}. Not told apart from it: {plural(counts[LEVEL], 'other pair')}; "
-        f"worse: {counts[WORSE]}.</p>"
-    )
-
-
-def _cell(run: RunRead, headline: Headline, pair: Pair) -> str:
-    cell = headline.cells.get(pair)
-    if cell is None:
-        rows = [row for row in run.rows if (row.sensor, row.estimator) == pair]
-        return f'<td class="none">{escape(rows[0].status if rows else "not run")}</td>'
-    mark = f' <span class="mark">{MARKS[cell.verdict]}</span>' if MARKS[cell.verdict] else ""
-    partly = f"<small>{cell.scenarios} of {len(run.scenarios)} scenarios</small>" * (cell.verdict == ELSEWHERE)
-    return (
-        f'<td class="{cell.verdict}" style="--share:{100.0 * cell.mean**2:.0f}%">'
-        f"<b>{number(cell.mean)}</b>{mark}<small>{span(cell.interval)}</small>{partly}</td>"
-    )
-
-
-def _legend(headline: Headline) -> str:
-    """The marks that occur, and what they mean."""
-    called = headline.seeds >= FEWEST_PAIRS
-    meanings = {
-        BEST: "highest mean" if called else "highest mean so far",
-        LEVEL: "not told apart from the best: the interval of the paired differences holds zero",
-        WORSE: "worse than the best: the interval of the paired differences excludes zero",
-        ELSEWHERE: "ran on other scenarios than most, so its mean is not held against the best",
-    }
-    present = {cell.verdict for cell in headline.cells.values()}
-    told = [f"<li><span>{MARKS[key]}</span> {text}</li>" for key, text in meanings.items() if key in present]
-    shade = "<li>A stronger colour is a higher value.</li>"
-    return f'<ul class="legend">{"".join(told)}{shade}</ul>'
+    told = verdict(best.others[pair], METRIC, one_drive)
+    return {Verdict.NOT_TOLD: LEVEL, Verdict.WORSE: WORSE}.get(told, OPEN)

@@ -15,7 +15,7 @@ function nodeName(nodes, index) {
   return node ? (node[1] && node[1] !== node[0] ? `${node[0]} ${node[1]}` : node[0]) : "none";
 }
 
-function showFrame(figure, url, step) {
+function showFrame(figure, url, frame) {
   const [image, none] = figure.children;
   image.hidden = !url;
   none.hidden = Boolean(url);
@@ -23,7 +23,7 @@ function showFrame(figure, url, step) {
   const stage = figure.closest(".stage");
   image.onload = () => stage.classList.toggle("broad", image.naturalWidth > 3 * image.naturalHeight);
   image.src = url;
-  image.alt = `Picture of the camera at step ${step}`;
+  image.alt = `Picture of the camera at frame ${frame}`;
 }
 
 function showHypotheses(into, look, nodes) {
@@ -31,7 +31,7 @@ function showHypotheses(into, look, nodes) {
     [fixed(match / 1000), fixed(likelihood / 100), `${fixed(x / 100)}, ${fixed(y / 100)}`, degrees(heading)]));
   if (rows.length) {
     const heads = ["node", "match", "log-likelihood", "x, y (m)", "heading"];
-    into.replaceChildren(table(`The sensor's best hypotheses at step ${look[0]}`, heads, rows));
+    into.replaceChildren(table(`The sensor's best hypotheses at frame ${look[0]}`, heads, rows));
   } else {
     const why = look ? look[3] || "the frame says nothing" : "no look of the sensor is kept";
     into.replaceChildren(make("p", {class: "none"}, `No hypothesis: ${why}.`));

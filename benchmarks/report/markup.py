@@ -34,6 +34,11 @@ def span(interval: Interval | None) -> str:
     return "" if interval is None else f"[{number(interval.low)}, {number(interval.high)}]"
 
 
+def reach(interval: Interval) -> str:
+    """An interval of a value that is never negative, where there is little room."""
+    return f"{number(interval.low)}\N{EN DASH}{number(interval.high)}"
+
+
 def pair_name(pair: Pair) -> str:
     """Sensor and estimator as ``topoloc compare --pairs`` has them."""
     return "/".join(pair)

@@ -9,7 +9,8 @@ from string import Template
 from benchmarks.report.comparisons import comparisons_section
 from benchmarks.report.definitions import definitions_table, notice, problems, settings
 from benchmarks.report.error_curves import error_section
-from benchmarks.report.headline import headline_of, headline_section
+from benchmarks.report.headline import headline_of
+from benchmarks.report.headline_section import headline_section
 from benchmarks.report.markup import asset
 from benchmarks.report.reliability import reliability_section
 from benchmarks.report.replay_files import DriveRead, Unreadable, read_drive
@@ -36,7 +37,7 @@ def write_report(folder: Path) -> Path:
 
 def report_html(run: RunRead) -> str:
     """The page."""
-    headline = headline_of(run.rows)
+    headline = headline_of(run.rows, [name for name in run.scenarios if run.recorded(name)])
     drives = {scenario: _drive(run.folder, scenario) for scenario in run.scenarios}
     kidnapped = {name: drive.kidnapped_at for name, drive in drives.items() if isinstance(drive, DriveRead)}
     started = run.config.get("run", {}).get("started", "at an unknown time")
@@ -48,11 +49,12 @@ def report_html(run: RunRead) -> str:
         notice=notice(run),
         headline=headline_section(run, headline),
         comparisons=comparisons_section(run, headline),
+        values="Mean over seeds and its interval." if run.choice.seeds > 1 else "Values of the one seed.",
         tables=tables_section(run),
         problems=problems(run),
         reliability=reliability_section(run),
         errors=error_section(run, kidnapped),
-        replay=replay_section(run, drives, headline.ranked),
+        replay=replay_section(run, drives),
         definitions=definitions_table(),
         command=escape(run.choice.command),
         settings=settings(run),

@@ -1,6 +1,6 @@
 /* What moves on the plan of a replay. Answers are lists as compact.py of the report writes them. */
 
-const KIND = 0, X = 1, Y = 2, HEADING = 3, NODE = 4, PROBABILITY = 5, STATUS = 6, RIGHT = 7, BELIEF = 8, ACCOUNT = 9;
+const KIND = 0, X = 1, Y = 2, HEADING = 3, NODE = 4, PROBABILITY = 5, STATUS = 6, VERDICT = 7, BELIEF = 8, ACCOUNT = 9;
 const LARGEST_DISC = 34;
 
 function arrow(plan, [x, y, heading], size, name) {
@@ -8,7 +8,7 @@ function arrow(plan, [x, y, heading], size, name) {
   return draw(plan, "path", {class: name, d, transform: `translate(${x} ${-y}) rotate(${-heading})`});
 }
 
-/* The last step up to this one at which the gate was open; -1 where there is none. */
+/* The last frame up to this one at which the gate was open; -1 where there is none. */
 function lastUpdate(answers, step, gated) {
   for (let at = step; at >= 0; at--) if (answers[at][KIND] !== gated) return at;
   return -1;
@@ -23,17 +23,18 @@ function showBelief(plan, unit, answer) {
   part(plan, "belief").replaceChildren(...discs);
 }
 
-/* All estimates so far: one path of dots, one of crosses. */
-function showAnswers(plan, unit, answers, step, gated) {
-  let dots = "", crosses = "";
-  for (const answer of answers.slice(0, step + 1)) {
-    if (answer[KIND] === gated) continue;
-    const x = answer[X], y = -answer[Y], r = 3 * unit;
-    if (answer[RIGHT]) dots += `M${x} ${y}h0`;
-    else crosses += `M${x - r} ${y - r}l${2 * r} ${2 * r}m0 ${-2 * r}l${-2 * r} ${2 * r}`;
-  }
-  part(plan, "answers").replaceChildren(draw(plan, "path", {class: "right", d: dots}),
-    draw(plan, "path", {class: "wrong", d: crosses}));
+const MARKS = {
+  right: (x, y) => `M${x} ${y}h0`,
+  adjacent: (x, y, r) => `M${x} ${y - 1.3 * r}l${1.3 * r} ${1.3 * r}l${-1.3 * r} ${1.3 * r}l${-1.3 * r} ${-1.3 * r}z`,
+  wrong: (x, y, r) => `M${x - r} ${y - r}l${2 * r} ${2 * r}m0 ${-2 * r}l${-2 * r} ${2 * r}`,
+};
+
+/* All estimates so far: one path of dots, one of diamonds, one of crosses. */
+function showAnswers(plan, unit, answers, verdicts) {
+  const paths = verdicts.map((name, verdict) => draw(plan, "path", {class: name, d: answers
+    .filter(answer => answer[VERDICT] === verdict)
+    .map(answer => MARKS[name](answer[X], -answer[Y], 3 * unit)).join("")}));
+  part(plan, "answers").replaceChildren(...paths);
 }
 
 function showPoses(plan, unit, truth, answer, node) {

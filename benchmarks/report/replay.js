@@ -17,25 +17,36 @@ class Replay {
   listen() {
     const jumps = {first: () => 0, back: () => this.step - 1, forward: () => this.step + 1, last: () => this.last};
     for (const [role, to] of Object.entries(jumps)) this.on(role, "click", () => this.jump(to()));
-    this.on("play", "click", () => this.timer === null ? this.play() : this.pause());
+    this.on("play", "click", () => this.toggle());
     this.on("scrub", "input", () => this.jump(Number(part(this.root, "scrub").value)));
     for (const role of ["sensor", "estimator"]) this.on(role, "change", () => this.show(this.step));
     this.root.addEventListener("keydown", event => this.key(event));
+    this.root.addEventListener("keyup", event => this.release(event));
   }
 
   on(role, event, act) {
     part(this.root, role).addEventListener(event, act);
   }
 
+  /* Selects keep their keys, and boxes that scroll sideways their arrows. */
   key(event) {
-    const inField = event.target.matches("select, input, summary, .wide");
     const acts = {ArrowLeft: () => this.jump(this.step - 1), ArrowRight: () => this.jump(this.step + 1),
       Home: () => this.jump(0), End: () => this.jump(this.last),
-      " ": () => this.timer === null ? this.play() : this.pause()};
-    const button = event.key === " " && event.target.matches("button");
-    if (inField || button || event.ctrlKey || event.altKey || event.metaKey || !acts[event.key]) return;
+      " ": () => { if (!event.repeat) this.toggle(); }};
+    const theirs = event.target.matches("select") || event.key.startsWith("Arrow") && event.target.matches(".wide");
+    if (theirs || event.ctrlKey || event.altKey || event.metaKey || !acts[event.key]) return;
     event.preventDefault();
     acts[event.key]();
+  }
+
+  /* Some browsers press a button when space is let go, though the key has been used already. */
+  release(event) {
+    if (event.key === " " && event.target.matches("button")) event.preventDefault();
+  }
+
+  toggle() {
+    if (this.timer === null) this.play();
+    else this.pause();
   }
 
   jump(step) {
@@ -80,8 +91,8 @@ class Replay {
     this.showSeen(truth, known ? answers : [], answer, scene.looks[sensor]);
     const why = Array.isArray(answers) ? "it has fewer answers than the drive has frames" : answers;
     const words = known ? this.words(answer, truth) : `no replay of this pair: ${why}`;
-    part(root, "status").textContent = `Step ${this.step} of ${this.last}: ${words}.`;
-    this.plan.setAttribute("aria-label", `${this.label} Step ${this.step}: ${words}.`);
+    part(root, "status").textContent = `Frame ${this.step} of ${this.last}: ${words}.`;
+    this.plan.setAttribute("aria-label", `${this.label} Frame ${this.step}: ${words}.`);
     part(root, "scrub").value = this.step;
     part(root, "command").textContent = scene.commands[sensor][estimator].replace(/\d+$/, this.step);
   }
@@ -89,7 +100,7 @@ class Replay {
   showPlan(truth, answers, answer) {
     const at = answer ? lastUpdate(answers, this.step, this.gated) : -1;
     showBelief(this.plan, this.unit, answers[at]);
-    showAnswers(this.plan, this.unit, answers, this.step, this.gated);
+    showAnswers(this.plan, this.unit, answers.slice(0, this.step + 1), this.scene.codes[3]);
     showPoses(this.plan, this.unit, truth, answer, answer && this.scene.nodes[answer[NODE]]);
   }
 
@@ -107,13 +118,13 @@ class Replay {
   words(answer, truth) {
     const {codes, nodes, kidnapped} = this.scene, kind = codes[0][answer[KIND]];
     const named = answer[NODE] < 0 ? "named no node" : `named node ${nodeName(nodes, answer[NODE])}`;
-    const right = kind === "gated" ? "" : answer[RIGHT] ? " (right)" : " (wrong)";
+    const verdict = answer[VERDICT] < 0 ? "" : ` (${codes[3][answer[VERDICT]]})`;
     const metres = Math.hypot(answer[X] - truth[0], answer[Y] - truth[1]) / 100;
     const turn = Math.abs(((answer[HEADING] - truth[2]) % 360 + 540) % 360 - 180);
     const notes = {gated: "; the gate stayed closed, the estimate rides on the odometry",
       blind: "; the frame was blind", unreadable: "; the picture could not be read"}[kind] || "";
     const carried = kidnapped.includes(this.step) ? "; the robot has just been carried here" : "";
-    return `${named}${right} with probability ${fixed(answer[PROBABILITY] / 1000)}, ${codes[1][answer[STATUS]]}; ` +
+    return `${named}${verdict} with probability ${fixed(answer[PROBABILITY] / 1000)}, ${codes[1][answer[STATUS]]}; ` +
       `${fixed(metres)} m and ${degrees(turn)} off${notes}${carried}`;
   }
 }

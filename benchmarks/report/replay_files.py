@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+import numpy as np
+from scipy.spatial import cKDTree
+
 from benchmarks.run_files import drive_path
 from topoloc.errors import InputError
 from topoloc.files import read_text
+from topoloc.geometry import Floats
+from topoloc.metrics import ADJACENT_WITHIN_M
 
 PICTURE = "data:image/"
 """Every picture begins so; anything else could be loaded from elsewhere."""
 BROKEN = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)
 """What values of another shape than ``benchmarks.replay`` writes lead to."""
+
+
+ROUNDED_M = 0.001
+"""Places are kept in millimetres: nodes that are a metre apart may come out so much farther apart."""
 
 
 class Unreadable(Exception):
@@ -31,6 +41,7 @@ class DriveRead:
         panoramas: pictures of the nodes; empty where there is none.
         edges: pairs of indices of nodes.
         truth: x, y [cm], heading [deg] at each frame.
+        near: at each frame, the nodes that are adjacent if they are not right: indices.
         reckoned: x, y [cm] at each frame, by the odometer alone; empty without one.
         frames: pictures; empty where there is none.
         kidnapped_at: indices of the first frames after the robot was carried.
@@ -41,6 +52,7 @@ class DriveRead:
     panoramas: list[str]
     edges: list[tuple[int, int]]
     truth: list[tuple[int, int, int]]
+    near: list[frozenset[int]]
     reckoned: list[tuple[int, int]]
     frames: list[str]
     kidnapped_at: list[int]
@@ -77,16 +89,42 @@ def _drive(found: Any) -> DriveRead:
     edges = [(int(a), int(b)) for a, b in found["edges"]]
     if any(not 0 <= index < len(nodes) for edge in edges for index in edge):
         raise ValueError("an edge to a node that is not there")
+    places = np.array([(node["x"], node["y"]) for node in found["nodes"]], dtype=np.float64)
+    truth = np.array([pose[:2] for pose in found["truth"]], dtype=np.float64).reshape(-1, 2)
     return DriveRead(
         int(found["seed"]),
         nodes,
         [_picture(node["panorama"]) for node in found["nodes"]],
         edges,
         [(whole(x, 100), whole(y, 100), whole(heading)) for x, y, heading in found["truth"]],
+        near_nodes(places, edges, truth),
         [(whole(x, 100), whole(y, 100)) for x, y in found["reckoned"]],
         [_picture(frame) for frame in found["frames"]],
         [int(frame) for frame in found["kidnapped_at"]],
     )
+
+
+def near_nodes(places: Floats, edges: Iterable[tuple[int, int]], truth: Floats) -> list[frozenset[int]]:
+    """The nodes within 1 m or one edge of the true one, itself included, as ``topoloc.metrics.Run.adjacent`` has it.
+
+    Args:
+        places: (K, 2) of the nodes [m].
+        edges: pairs of indices of nodes.
+        truth: (N, 2) true positions [m].
+
+    Returns:
+        N sets of indices. Raises ``ValueError`` where a place is not finite.
+    """
+    tree = cKDTree(places)
+    true_nodes = tree.query(truth)[1]
+    joined: dict[int, set[int]] = {}
+    for a, b in edges:
+        joined.setdefault(a, set()).add(b)
+        joined.setdefault(b, set()).add(a)
+    once = np.unique(true_nodes)
+    close = tree.query_ball_point(places[once], ADJACENT_WITHIN_M + ROUNDED_M)
+    near = {node: frozenset(nodes) | joined.get(node, set()) for node, nodes in zip(once, close, strict=True)}
+    return [near[node] for node in true_nodes]
 
 
 def whole(value: float, scale: float = 1.0) -> int:

@@ -2,45 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
 from string import Template
 from typing import Any
 
 from benchmarks.report import replay_data
 from benchmarks.report.commands import explain_command
-from benchmarks.report.compact import ACCOUNTS, KINDS, STATES
+from benchmarks.report.compact import ACCOUNTS, KINDS, STATES, VERDICTS
 from benchmarks.report.markup import asset, json_script, options, select
 from benchmarks.report.plan import plan_svg
-from benchmarks.report.replay_data import (
-    Looks,
-    Pictures,
-    Replays,
-    panoramas_of,
-    read_looks,
-    read_replays,
-    size_of,
-    stride_of,
-)
+from benchmarks.report.replay_data import Pictures, Shown, panoramas_of, read_shown, stride_of
 from benchmarks.report.replay_files import DriveRead
 from benchmarks.report.run_read import RunRead
-from benchmarks.spread import Pair
 
 SPEEDS, SPEED = (1, 2, 4, 8), 2
 """That can be chosen, and the first one [frames/s]."""
 
 
-def replay_section(run: RunRead, drives: Mapping[str, DriveRead | str], ranked: Sequence[Pair]) -> str:
+def replay_section(run: RunRead, drives: Mapping[str, DriveRead | str]) -> str:
     """A player for each scenario.
 
     Args:
         run: the run.
         drives: by scenario, or why there is none.
-        ranked: pairs, those first that are kept first.
     """
     kept = {name: drive for name, drive in drives.items() if isinstance(drive, DriveRead)}
-    looks = read_looks(run, list(kept))
-    replays = read_replays(run, list(kept), ranked, replay_data.ANSWERS_BYTES - size_of(list(looks.values())))
+    shown = read_shown(run, kept)
     pictures = Pictures([], {})
     share = replay_data.PICTURES_BYTES // max(len(kept), 1)
     players = []
@@ -48,10 +36,10 @@ def replay_section(run: RunRead, drives: Mapping[str, DriveRead | str], ranked: 
         drive = drives[scenario]
         if not isinstance(drive, DriveRead):
             players.append(_none(scenario, f"No replay: {drive}."))
-        elif not any(group[0] == scenario for group in replays):
+        elif not shown[scenario].answers:
             players.append(_none(scenario, "No run on the drive that is shown has ended."))
         else:
-            data = _data(run, scenario, drive, looks, replays, pictures, share)
+            data = _data(run, scenario, drive, shown[scenario], pictures, share)
             players.append(_player(scenario, drive, data, share))
     return "".join(players) + json_script("pictures", pictures.urls)
 
@@ -61,23 +49,23 @@ def _none(scenario: str, why: str) -> str:
 
 
 def _data(
-    run: RunRead, scenario: str, drive: DriveRead, looks: Looks, replays: Replays, pictures: Pictures, share: int
+    run: RunRead, scenario: str, drive: DriveRead, shown: Shown, pictures: Pictures, share: int
 ) -> dict[str, Any]:
     """What the page's script reads: ``replay.js`` and its neighbours."""
-    sensors = [name for name in run.sensors if any(group[:2] == (scenario, name) for group in replays)]
-    estimators = [name for name in run.estimators if any(group[::2] == (scenario, name) for group in replays)]
+    sensors = [name for name in run.sensors if any(pair[0] == name for pair in shown.answers)]
+    estimators = [name for name in run.estimators if any(pair[1] == name for pair in shown.answers)]
     panoramas = [pictures.place(url) for url in panoramas_of(drive, share)]
     stride = stride_of(drive, share)
     return {
-        "codes": [KINDS, STATES, ACCOUNTS],
+        "codes": [KINDS, STATES, ACCOUNTS, VERDICTS],
         "sensors": sensors,
         "estimators": estimators,
         "nodes": [[*node, place] for node, place in zip(drive.nodes, panoramas, strict=True)],
         "truth": drive.truth,
         "kidnapped": drive.kidnapped_at,
         "frames": [pictures.place(url) if index % stride == 0 else -1 for index, url in enumerate(drive.frames)],
-        "looks": [looks[scenario, sensor] for sensor in sensors],
-        "answers": [[replays.get((scenario, s, e), "not run") for e in estimators] for s in sensors],
+        "looks": [shown.looks.get(sensor, []) for sensor in sensors],
+        "answers": [[shown.answers.get((s, e), "not run") for e in estimators] for s in sensors],
         "commands": [[explain_command(run, scenario, (s, e), 0) for e in estimators] for s in sensors],
     }
 

@@ -65,15 +65,22 @@ class RunRead:
         return [(sensor, name) for sensor in self.sensors for name in self.estimators if (sensor, name) in known]
 
     @property
+    def expected(self) -> int:
+        """How many rows the finished run has."""
+        return int(self.config.get("run", {}).get("rows", len(self.rows)))
+
+    @property
+    def missing(self) -> int:
+        """Rows that are still to be run."""
+        return max(0, self.expected - len(self.rows))
+
+    @property
     def state(self) -> str:
         """How many runs came to an end, how many did not, how many are missing."""
-        expected = int(self.config.get("run", {}).get("rows", len(self.rows)))
         counts = {status: sum(row.status == status for row in self.rows) for status in (OK, FAILED, UNAVAILABLE)}
         told = ", ".join(f"{count} {status}" for status, count in counts.items() if count or status == OK)
-        left = expected - len(self.rows)
-        return f"{plural(len(self.rows), 'run')}: {told}" + f"; unfinished: {left} of {expected} are still to run" * (
-            left > 0
-        )
+        left = f"; unfinished: {self.missing} of {self.expected} are still to run" if self.missing else ""
+        return f"{plural(len(self.rows), 'run')}: {told}{left}"
 
     def about(self, scenario: str) -> Mapping[str, Any]:
         """The settings of a scenario."""

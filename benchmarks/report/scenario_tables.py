@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from benchmarks.report.commands import commands_of
-from benchmarks.report.headline import MARKS, OPEN, verdict_of
-from benchmarks.report.markup import NONE, number, pair_name, span
+from benchmarks.report.headline import MARKS, OPEN, standing_of
+from benchmarks.report.markup import NONE, number, pair_name, reach
 from benchmarks.report.run_read import RunRead
-from benchmarks.results import OK, Row, Summary, summarize
+from benchmarks.results import FAILED, OK, Row, Summary, summarize
 from benchmarks.spread import Best, Group, Interval, Pair, against_best, spreads
 from topoloc.metrics import METRICS, Metric
 
@@ -17,7 +17,6 @@ LEFT_TO_THE_FILE = frozenset({"steps", "strict_accuracy", "adjacent_rate", "posi
 """Columns of ``results.csv`` that would make the tables too wide to read."""
 SHOWN = tuple(metric for metric in METRICS if metric.name not in LEFT_TO_THE_FILE)
 JUDGED = "node_accuracy"
-UNITS = {"_m": "m", "_deg": "°", "_ms": "ms"}
 WAYS = {
     "higher": ("↑", "higher is better"),
     "lower": ("↓", "lower is better"),
@@ -28,12 +27,6 @@ MOST_IN_SIGHT = 20
 
 Values = Mapping[str, Mapping[Group, Summary]]
 Ends = Mapping[str, Mapping[Group, Interval | None]]
-
-
-def heading(name: str) -> str:
-    """A column's name as people read it, without the unit."""
-    ending = next((ending for ending in UNITS if name.endswith(ending)), "")
-    return name.removesuffix(ending).replace("_", " ")
 
 
 def tables_section(run: RunRead) -> str:
@@ -51,7 +44,13 @@ def _scenario(run: RunRead, scenario: str, values: Values, ends: Ends, best: Bes
     lines = []
     for pair in pairs:
         cells = (
-            _cell(values[m.name][scenario, *pair], ends[m.name][scenario, *pair], _mark(m, pair, best)) for m in metrics
+            _cell(
+                values[m.name][scenario, *pair],
+                ends[m.name][scenario, *pair],
+                _mark(m, pair, best, run.recorded(scenario)),
+                m.name == metrics[0].name,
+            )
+            for m in metrics
         )
         lines.append(f'<tr><th scope="row">{_breakable(pair)}</th>{"".join(cells)}{_outcome(rows, pair)}</tr>')
     about = escape(str(run.about(scenario).get("description", "")))
@@ -66,38 +65,43 @@ def _scenario(run: RunRead, scenario: str, values: Values, ends: Ends, best: Bes
 
 
 def _heads(metrics: Sequence[Metric]) -> str:
-    cells = ['<th scope="col"><button type="button">sensor/estimator<span class="unit"></span></button></th>']
+    cells = ['<th scope="col"><button type="button">sensor/<wbr>estimator<span class="unit"></span></button></th>']
     for metric in metrics:
-        unit = next((text for ending, text in UNITS.items() if metric.name.endswith(ending)), metric.unit)
+        unit = "" if metric.unit in metric.label.split() else metric.unit
         sign, words = WAYS.get(metric.better, ("", ""))
         said = f'<span class="unit">{escape(unit)} <span aria-hidden="true">{sign}</span></span>'
         title = f'title="{escape(metric.definition)}"'
         cells.append(
-            f'<th scope="col"><button type="button" {title}>{escape(heading(metric.name))} {said}'
+            f'<th scope="col"><button type="button" {title}>{escape(metric.label)} {said}'
             f'<span class="unseen">, {words}</span></button></th>'
         )
-    return "".join(cells) + '<th scope="col"><button type="button">runs ended<span class="unit"></span></button></th>'
+    cells.append('<th scope="col"><button type="button">runs completed<span class="unit"></span></button></th>')
+    return "".join(cells)
 
 
-def _cell(value: Summary, ends: Interval | None, mark: str) -> str:
+def _cell(value: Summary, ends: Interval | None, mark: str, first: bool) -> str:
+    """A value; the first cell of a pair without any run that came to an end says what became of them."""
     if value.mean is None:
-        return f'<td data-value="" class="none">{NONE}</td>'
-    spread = f"<small>{span(ends)}</small>" if ends else ""
+        told = first and value.status != OK
+        kind = value.status if told and value.status == FAILED else "none"
+        return f'<td data-value="" class="{kind}">{escape(value.status) if told else NONE}</td>'
+    spread = f"<small>{reach(ends)}</small>" if ends else ""
     return f'<td data-value="{value.mean:.6g}">{number(value.mean)}{mark}{spread}</td>'
 
 
-def _mark(metric: Metric, pair: Pair, best: Best | None) -> str:
+def _mark(metric: Metric, pair: Pair, best: Best | None, one_drive: bool) -> str:
     """How the pair stands to the best one of the scenario, with the marks of the headline."""
-    verdict = verdict_of(pair, best) if metric.name == JUDGED else OPEN
-    return f' <span class="mark">{MARKS[verdict]}</span>' if MARKS[verdict] else ""
+    mark = MARKS[standing_of(pair, best, one_drive) if metric.name == JUDGED else OPEN]
+    return f' <span class="mark">{mark}</span>' if mark else ""
 
 
 def _outcome(rows: Sequence[Row], pair: Pair) -> str:
-    """How many runs of a pair came to an end, and what became of the others."""
+    """How many runs of a pair came to an end, and where some did, what became of the others."""
     own = [row for row in rows if (row.sensor, row.estimator) == pair]
     good = sum(row.status == OK for row in own)
-    others = dict.fromkeys(row.status for row in own if row.status != OK)
-    return f'<td data-value="{good}">{escape(", ".join([f"{good} of {len(own)}", *others]))}</td>'
+    others = dict.fromkeys(row.status for row in own if row.status != OK and good)
+    kind = f' class="{FAILED}"' if FAILED in others else ""
+    return f'<td data-value="{good}"{kind}>{escape(", ".join([f"{good} of {len(own)}", *others]))}</td>'
 
 
 def _reasons(rows: Sequence[Row]) -> str:

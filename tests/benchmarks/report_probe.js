@@ -10,7 +10,7 @@ function fire(element, type, extra = {}) {
 }
 
 function press(element, key) {
-  element.dispatchEvent(new KeyboardEvent("keydown", {key, bubbles: true, cancelable: true}));
+  return !element.dispatchEvent(new KeyboardEvent("keydown", {key, bubbles: true, cancelable: true}));
 }
 
 function select(element, value) {
@@ -40,19 +40,42 @@ function comparisons() {
     select(a, one.value);
     select(b, two.value);
     const rows = [...root.querySelectorAll("tbody tr")].map(row => [...row.cells].map(cell => cell.textContent));
-    found.push([one.textContent, two.textContent, rows]);
+    const left = root.querySelector('[data-role="not-both"]').textContent;
+    found.push([one.textContent, two.textContent, left, rows]);
   }
+  return found;
+}
+
+/* Space, Home and End with the focus on each control, and what is left to the browser. */
+function anywhere(role, step) {
+  const found = {}, label = () => role("play").getAttribute("aria-label");
+  const controls = ["scrub", "first", "back", "play", "forward", "last", "hypotheses"].map(role);
+  found.jumps = controls.map(one => [press(one, "End"), step(), press(one, "Home"), step()]);
+  found.space = controls.map(one => [press(one, " "), label(), press(one, " "), label(), step()]);
+  const letGo = new KeyboardEvent("keyup", {key: " ", bubbles: true, cancelable: true});
+  found.letGo = !role("play").dispatchEvent(letGo);
+  found.slider = ["ArrowRight", "ArrowRight", "ArrowLeft"].map(key => [press(role("scrub"), key), step()]);
+  found.left = [press(role("sensor"), "End"), press(role("sensor"), " "), press(role("hypotheses"), "ArrowRight"), step()];
+  press(role("scrub"), "Home");
   return found;
 }
 
 async function replay(root) {
   const role = name => root.querySelector(`[data-role="${name}"]`), found = {};
-  const step = () => parseInt(role("status").textContent.match(/^Step (\d+)/)[1], 10);
+  const step = () => parseInt(role("status").textContent.match(/^Frame (\d+)/)[1], 10);
   const picture = () => root.querySelector(".plan").outerHTML;
   found.start = [step(), role("status").textContent, role("frame").querySelector("img").src.slice(0, 11)];
   const buttons = ["forward", "forward", "back", "last", "forward", "first", "back"];
   found.buttons = buttons.map(name => (role(name).click(), step()));
   found.keys = ["ArrowRight", "ArrowRight", "ArrowLeft", "End", "Home"].map(key => (press(root, key), step()));
+  found.anywhere = anywhere(role, step);
+  found.words = [1, 2, 3, 4, 0].map(frame => {
+    role("scrub").value = frame;
+    fire(role("scrub"), "input");
+    return role("status").textContent.match(/named[^;]*/)[0];
+  });
+  role("last").click();
+  found.marks = [...role("answers").children].map(one => [one.getAttribute("class"), one.getAttribute("d")]);
   role("scrub").value = 4;
   fire(role("scrub"), "input");
   found.slider = [step(), role("scrub").value];

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -46,9 +46,15 @@ def row(scenario: str, sensor: str, estimator: str, seed: int) -> Row:
         "node_accuracy": accuracy(scenario, sensor, estimator, seed),
         "wrong_rate": 0.05,
         "position_median_m": off,
+        "heading_median_deg": 10.0 + seed,
+        "steps_to_localize": 1.0 + seed,
+        "recall_at_p99": 0.1 * seed,
+        "lost_rate": 0.05 * seed,
+        "calibration_error": 0.02 * seed,
         "nees": 3.0 + seed,
         "recovery_steps": 2.0 if scenario == "carried" and estimator == "activity" else None,
         "sensor_ms": 1234.5,
+        "estimator_ms": 10.0 + 2.0 * seed,
     }
     return Row(scenario, sensor, estimator, seed, values=values)
 
@@ -58,16 +64,19 @@ def rows(seeds: int) -> list[Row]:
     return [row(c, s, e, seed) for c in SCENARIOS for s in SENSORS for e in ESTIMATORS for seed in range(seeds)]
 
 
-def write_run(folder: Path, seeds: int = 2, written: Iterable[Row] | None = None) -> Path:
+def write_run(
+    folder: Path, seeds: int = 2, written: Iterable[Row] | None = None, recorded: Collection[str] = ("carried",)
+) -> Path:
     """Write the folder.
 
     Args:
         folder: a new one.
         seeds: of the run.
         written: the rows; all of them by default.
+        recorded: scenarios of one drive.
     """
     kept = rows(seeds) if written is None else list(written)
-    _write_config(folder, seeds)
+    _write_config(folder, seeds, recorded)
     with ResultsFile(folder / "results.csv", kept):
         pass
     for one in kept:
@@ -78,7 +87,7 @@ def write_run(folder: Path, seeds: int = 2, written: Iterable[Row] | None = None
     return folder
 
 
-def _write_config(folder: Path, seeds: int) -> None:
+def _write_config(folder: Path, seeds: int, recorded: Collection[str]) -> None:
     run = {
         "command": "topoloc bench",
         "started": "2030-01-01 12:00:00",
@@ -91,7 +100,8 @@ def _write_config(folder: Path, seeds: int) -> None:
         "first_seed": 0,
         "settings": ["sensors.ima.slots=4", "estimators.grid.headings=12"],
     }
-    about = {"toy": {"description": "A toy."}, "carried": {"description": "Carried away.", "recorded": True}}
+    words = {"toy": "A toy.", "carried": "Carried away."}
+    about = {name: {"description": text, "recorded": name in recorded} for name, text in words.items()}
     write_text(folder / "config.toml", tomli_w.dumps({"run": run, "scenarios": about}))
 
 
