@@ -17,6 +17,8 @@ from topoloc.settings import build, parse_words, read_toml, refuse_unknown
 
 DRAWN_SENSOR = "ima"
 """By default this sensor comes first, and so it is the one whose drives the report draws: the thesis's."""
+SLOWEST_SENSORS = ("ima-robust", "local")
+"""They come next, so that no process is left alone with one of them at the end."""
 REMEDY = "name the folder of a benchmark run"
 TABLES = ("scenarios", "sensors", "estimators")
 
@@ -105,8 +107,8 @@ def choose(
 
 
 def sensors_for(scenarios: Sequence[Scenario]) -> tuple[str, ...]:
-    """All sensors that one of the scenarios has the images for, the drawn one first."""
-    known = sorted(names(SENSORS), key=lambda name: (name != DRAWN_SENSOR, name))
+    """All sensors that one of the scenarios has the images for, the drawn one first, then the slowest."""
+    known = sorted(names(SENSORS), key=lambda name: (name != DRAWN_SENSOR, name not in SLOWEST_SENSORS, name))
     return tuple(name for name in known if any(_needs(name) <= scenario.kinds for scenario in scenarios))
 
 
