@@ -104,7 +104,13 @@ def test_sensors_that_no_scenario_can_feed_are_named_and_left_out() -> None:
 
 
 def test_what_is_left_out_is_told_once_the_run_begins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    small = {"scenarios": ["hall-omni"], "estimators": ["best-match"], "updates": 2, "seeds": 1, "jobs": 1}
+    small: dict[str, Any] = {
+        "scenarios": ["hall-omni"],
+        "estimators": ["best-match"],
+        "updates": 2,
+        "seeds": 1,
+        "jobs": 1,
+    }
     with pytest.raises(UserError, match="no setting"):
         bench(**small, settings=["nonsense"], out=tmp_path / "run")
     assert capsys.readouterr().err == ""
