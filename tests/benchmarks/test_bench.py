@@ -1,8 +1,13 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import shutil
+import subprocess
+import sys
 import tomllib
+from contextlib import suppress
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
@@ -293,3 +298,25 @@ def test_a_sensor_whose_needs_are_a_property_may_be_installed(monkeypatch: pytes
     point = EntryPoint("dynamic", "benchmarks.looks:SharedLooks", plugins.SENSORS)  # what it needs, an instance knows
     monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
     assert sensors_for([scenario]) == ("dynamic",)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
+def test_progress_is_shown_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:
+    words = ["--scenarios", "lab-fresh", "--sensors", "histogram", "--estimators", "best-match", "--updates", "3"]
+    command = [sys.executable, "-m", "topoloc", "bench", *words, "--seeds", "2", "--jobs", "1"]
+    silent = subprocess.run([*command, "--out", str(tmp_path / "a")], capture_output=True, text=True, check=True)
+    assert silent.stderr == ""
+    import pty
+
+    ours, theirs = pty.openpty()
+    shown = subprocess.Popen([*command, "--out", str(tmp_path / "b")], stdout=subprocess.PIPE, stderr=theirs)
+    os.close(theirs)
+    told = b""
+    with suppress(OSError):  # what Linux says at the end of a terminal
+        while chunk := os.read(ours, 4096):
+            told += chunk
+    os.close(ours)
+    out, _ = shown.communicate()
+    assert shown.returncode == 0
+    assert b"runs" in told and b"1/2" in told and re.search(rb"\d:\d\d:\d\d", told)  # how many, and the time left
+    assert b"1/2" not in out
