@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Generator, Sequence
+from importlib import import_module
 from threading import Lock
 from types import ModuleType
 from typing import Any
@@ -73,12 +74,11 @@ def refuse_unreachable(address: str, patience_s: float = 30.0) -> None:
 
 def _cluster() -> ModuleType:
     try:
-        from benchmarks import cluster
+        return import_module("benchmarks.cluster")
     except ImportError as error:
         raise UserError(
             f"--cluster needs dask.distributed ({error.name} is missing); pip install 'topoloc[cluster]'"
         ) from None
-    return cluster
 
 
 def _unordered(suite: Suite, left: dict[int, Task], **settings: Any) -> Generator[Outcome]:
