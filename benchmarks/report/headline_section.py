@@ -118,7 +118,8 @@ def _legend(headline: Headline) -> str:
     meanings = {
         BEST: "highest mean" if called else "highest mean so far",
         LEVEL: "not told apart from the best: the interval of the paired differences holds zero",
-        WORSE: "worse than the best: the interval of the paired differences excludes zero",
+        WORSE: "worse than the best: the interval of the paired differences excludes zero, as it does by chance "
+        "for one or two in a hundred equal pairs",
         PARTLY: "lacks one of these scenarios: mean over those that it ran on, not held against the best",
     }
     present = {cell.standing for cell in headline.cells.values()}
