@@ -47,7 +47,10 @@ def only_writer(folder: Path) -> Iterator[None]:
         if not _lock(file):
             raise InputError(folder, "another benchmark is writing here", "wait until it ends, or stop it")
         _clear(folder)
-        yield
+        try:
+            yield
+        finally:
+            _clear(folder)  # Ctrl-C may come between a temporary file and the place that removes it
 
 
 def _lock(file: IO[str]) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Generator, Sequence
 from importlib import import_module
+from signal import SIG_IGN, SIGINT, signal
 from threading import Lock
 from types import ModuleType
 from typing import Any
@@ -38,16 +39,25 @@ def in_processes(suite: Suite, tasks: Sequence[Task], jobs: int) -> Generator[Ou
     left = dict(enumerate(tasks))
     for _ in range(ATTEMPTS):
         try:
-            with parallel_config(backend="loky", inner_max_num_threads=1):
-                yield from _unordered(suite, left, n_jobs=min(jobs, len(left)))
+            yield from _here(suite, left, min(jobs, len(left)))
             return
         except TerminatedWorkerError:
             continue
     for number, task in list(left.items()):
         try:
-            yield from _unordered(suite, {number: task}, n_jobs=2)  # with 1, joblib would do it in this process
+            yield from _here(suite, {number: task}, 2)  # with 1, joblib would do it in this process
         except TerminatedWorkerError:
             yield from killed_rows(task)
+
+
+def _here(suite: Suite, left: dict[int, Task], processes: int) -> Generator[Outcome]:
+    with parallel_config(backend="loky", inner_max_num_threads=1, initializer=_leave_ctrl_c_to_us):
+        yield from _unordered(suite, left, n_jobs=processes)
+
+
+def _leave_ctrl_c_to_us() -> None:
+    """A terminal would stop the processes together with us, each with a traceback; we end them ourselves."""
+    signal(SIGINT, SIG_IGN)
 
 
 def on_cluster(suite: Suite, tasks: Sequence[Task], address: str, patience_s: float = 30.0) -> Generator[Outcome]:
