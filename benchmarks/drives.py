@@ -116,15 +116,14 @@ def _fit(make_sensor: Callable[[], Sensor], case: Case, before: Fitted | None) -
     Raises:
         UserError: the drive cannot feed it.
     """
-    sensor = make_sensor() if before is None else before.sensor
+    known = before if before is not None and before.topo_map is case.topo_map else None
+    sensor = make_sensor() if known is None else known.sensor
     missing = sensor.needs - case.kinds
     if missing:
         have = ", ".join(sorted(case.kinds)) or "no"
         raise UserError(f"needs {', '.join(sorted(missing))} images; the scenario has {have} images")
-    if before is not None and before.topo_map is case.topo_map:
-        return before
-    if before is not None:
-        sensor = make_sensor()
+    if known is not None:
+        return known
     with one_thread():
         sensor.fit(case.topo_map)
     return Fitted(sensor, case.topo_map)

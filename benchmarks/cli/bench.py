@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from cyclopts import Parameter
 
@@ -77,7 +77,6 @@ def bench(
     from benchmarks.choice import choose, left_out, read_choice, suite_of
     from benchmarks.config import config_of, refuse_other_settings
     from benchmarks.run_folder import only_writer
-    from benchmarks.scenarios import scenario_names
     from benchmarks.workers import in_processes, on_cluster, refuse_unreachable
     from topoloc.files import write_text
 
@@ -91,17 +90,15 @@ def bench(
         folder, choice = resume, read_choice(resume)
         refuse_other_settings(folder, choice)
     else:
-        if quick and full:
-            raise UserError("--quick and --full contradict each other; give one of them")
         folder = out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-bench"
         _refuse_taken(folder)
-        usual = (QUICK_SEEDS, QUICK_UPDATES) if quick else (FULL_SEEDS if full else SEEDS, UPDATES)
+        usual = _usual(quick, full)
         choice = choose(
-            scenarios or (scenario_names() if full else QUICK_SCENARIOS if quick else None),
+            scenarios or usual.scenarios,
             sensors,
             estimators,
-            usual[0] if seeds is None else seeds,
-            usual[1] if updates is None else updates,
+            seeds or usual.seeds,
+            updates or usual.updates,
             first_seed,
             settings or (),
         )
@@ -117,6 +114,25 @@ def bench(
             _refuse_taken(folder)  # another may have begun and ended there since
             write_text(folder / "config.toml", config)
         _run(folder, suite, work, as_json)
+
+
+class _Usual(NamedTuple):
+    """What is run where nothing is said; scenarios None for the default ones."""
+
+    scenarios: Sequence[str] | None
+    seeds: int
+    updates: int
+
+
+def _usual(quick: bool, full: bool) -> _Usual:
+    """For a first look, for everything, or neither. Raises ``UserError`` for both."""
+    from benchmarks.scenarios import scenario_names
+
+    if quick and full:
+        raise UserError("--quick and --full contradict each other; give one of them")
+    if quick:
+        return _Usual(QUICK_SCENARIOS, QUICK_SEEDS, QUICK_UPDATES)
+    return _Usual(scenario_names(), FULL_SEEDS, UPDATES) if full else _Usual(None, SEEDS, UPDATES)
 
 
 def _refuse_numbers(seeds: int | None, first_seed: int, updates: int | None, jobs: int | None) -> None:

@@ -13,8 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.run_contents import files_of, without_costs
 
-from benchmarks.results import COLUMNS, COSTS, ResultsFile, Row, read_results
+from benchmarks.results import ResultsFile, Row, read_results
 from benchmarks.run_folder import LOCK_FILE, is_free, only_writer
 from topoloc.cli.main import EXIT_INTERRUPTED, EXIT_USER_ERROR, run
 from topoloc.errors import UserError
@@ -66,17 +67,6 @@ def run_killed_after(folder: Path, seeds: int, rows: int, how: tuple[str, str] =
     with started(words(folder, seeds, how)) as process:
         wait_for_rows(process, folder, rows)
         return process.poll() is None
-
-
-def without_costs(rows: list[Row]) -> list[dict[str, str]]:
-    tables = [dict(zip(COLUMNS, row.cells(), strict=True)) for row in rows]
-    return [{name: cell for name, cell in table.items() if name not in COSTS} for table in tables]
-
-
-def files_of(folder: Path) -> dict[str, bytes]:
-    """What lies under steps/ and replay/, hidden files among it."""
-    kept = [path for name in ("steps", "replay") for path in (folder / name).rglob("*") if path.is_file()]
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in kept}
 
 
 def assert_same(folder: Path, whole: Path) -> None:

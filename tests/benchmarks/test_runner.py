@@ -9,10 +9,11 @@ from uuid import uuid4
 
 import numpy as np
 import pytest
+from oracles.run_contents import files_of, without_costs
 
 from benchmarks.drives import peak_mb, run_task
 from benchmarks.looks import SharedLooks
-from benchmarks.results import COLUMNS, COSTS, ResultsFile, Row, read_results
+from benchmarks.results import COLUMNS, ResultsFile, Row, read_results
 from benchmarks.run_files import answers_path, drive_path, looks_path, steps_path
 from benchmarks.runner import Drive, Suite, Task, run_suite, tasks
 from benchmarks.scenarios import Case, Scenario
@@ -111,17 +112,6 @@ def results_of(what: Suite, folder: Path, jobs: int = 1) -> list[Row]:
     with ResultsFile(folder / "results.csv") as results:
         run_suite(what, results, partial(in_processes, jobs=jobs))
     return read_results(folder / "results.csv")
-
-
-def files_of(folder: Path) -> dict[str, bytes]:
-    """All files but the table, by their paths."""
-    files = (path for path in folder.rglob("*") if path.is_file() and path.name != "results.csv")
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
-
-
-def without_costs(rows: list[Row]) -> list[dict[str, str]]:
-    tables = [dict(zip(COLUMNS, row.cells(), strict=True)) for row in rows]
-    return [{name: cell for name, cell in table.items() if name not in COSTS} for table in tables]
 
 
 def test_the_columns_are_those_of_the_design() -> None:

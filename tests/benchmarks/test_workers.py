@@ -18,10 +18,11 @@ from types import ModuleType
 from typing import TypeVar
 
 import pytest
+from oracles.run_contents import files_of, without_costs
 
 from benchmarks.choice import choose, suite_of
 from benchmarks.drives import KILLED
-from benchmarks.results import COLUMNS, COSTS, ResultsFile, Row, read_results
+from benchmarks.results import ResultsFile, Row, read_results
 from benchmarks.runner import Outcome, Suite, Task, run_suite, tasks
 from benchmarks.scenarios import Case
 from benchmarks.workers import in_processes, on_cluster
@@ -44,17 +45,6 @@ def results_of(what: Suite, folder: Path, work: Work) -> list[Row]:
     with ResultsFile(folder / "results.csv") as results:
         run_suite(what, results, work)
     return read_results(folder / "results.csv")
-
-
-def without_costs(rows: Sequence[Row]) -> list[dict[str, str]]:
-    tables = [dict(zip(COLUMNS, row.cells(), strict=True)) for row in rows]
-    return [{name: cell for name, cell in table.items() if name not in COSTS} for table in tables]
-
-
-def files_of(folder: Path) -> dict[str, bytes]:
-    """What lies under steps/ and replay/."""
-    kept = [path for name in ("steps", "replay") for path in (folder / name).rglob("*") if path.is_file()]
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in kept}
 
 
 def waiting_suite(seeds: int, signs: Path) -> Suite:
