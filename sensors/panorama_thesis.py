@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sensors.ima import IMAConfig, make_reference, slot_values
+from sensors.ima import IMAConfig
 from sensors.images import grey, resize
 from sensors.panorama import (
     Insertion,
@@ -18,6 +18,7 @@ from sensors.panorama import (
     gaps_between,
     refuse_unusable,
 )
+from sensors.slot_matching import make_reference, slot_values
 from topoloc.geometry import Floats, wrap
 from topoloc.thesis import THESIS
 from topoloc.topo_map import Camera

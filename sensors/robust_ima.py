@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.calibration import WRONG_QUANTILE
-from sensors.ima import IMA, IMAConfig, Matches, Reference, shifted, slot_values
+from sensors.ima import IMA, IMAConfig
+from sensors.slot_matching import Matches, Reference, shifted, slot_values
 from topoloc.geometry import Floats
 from topoloc.types import Ints
 

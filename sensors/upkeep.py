@@ -9,8 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.ima import IMA, Matches, Reference
+from sensors.ima import IMA
 from sensors.images import clahe, crop_centre, grey, resize
+from sensors.slot_matching import Matches, Reference
 from topoloc.errors import UserError
 from topoloc.geometry import Floats, between, compose, wrap
 from topoloc.topo_map import TopoMap

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from oracles.ima_literal import Literal, ima_literal
 from oracles.shared_data import RING6_QUERIES, placed_panorama
 
-from sensors.ima import IMAConfig, Matches, make_reference, match_slots
+from sensors.ima import IMAConfig
 from sensors.images import clahe, grey, resize
+from sensors.slot_matching import Matches, make_reference, match_slots
 from topoloc.files import read_image
 from topoloc.thesis import THESIS
 

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from benchmarks.worlds.lab import LabWorld
 from benchmarks.worlds.settings import WorldSettings
-from sensors.ima import IMA, make_reference
+from sensors.ima import IMA
 from sensors.images import cut_views
 from sensors.robust_ima import RobustIMA, RobustIMAConfig, local_contrast, match_loosely
+from sensors.slot_matching import make_reference
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Frame
 
