@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from sensors.images import camera_on_nodes, clahe, crop_centre, cut_views, grey, resize
-from sensors.slot_matching import Matches, Reference, make_reference, match_slots, slot_values
+from sensors.slot_correlation import KEPT_MB, Reference, make_reference
+from sensors.slot_matching import Matches, Sums, match_frames, slot_values, sums_of_winners
 from topoloc.errors import UserError
 from topoloc.geometry import Floats, wrap
 from topoloc.thesis import THESIS
 from topoloc.topo_map import Camera, TopoMap
-from topoloc.types import Evidence, Frame, Image, Ints
+from topoloc.types import Evidence, Frame, Image, Ints, Pixels
 
 SAME_PLACE_M = 0.1
 """Nodes nearer to each other than this are one place photographed twice [m]: it counts once."""
@@ -51,6 +52,8 @@ class IMAConfig:
             same. This and the next from ``benchmarks/calibration.py``.
         sure_margin: match above the mean of wrong nodes from which on a match is sure.
         log_floor: log-likelihood ratio that remains far from every node.
+        memory_mb: memory for what is precomputed of the panoramas beside their scaled pictures: with the defaults 0.3
+            MB a node. What finds no room is made anew at each look, which takes three times as long [MB].
     """
 
     scale_columns: int = THESIS.scale_columns
@@ -70,6 +73,7 @@ class IMAConfig:
     kappa_fall: float = 18.1
     sure_margin: float = 0.181
     log_floor: float = -1.5
+    memory_mb: float = KEPT_MB
 
     def __post_init__(self) -> None:
         if not 1 <= self.slots <= self.scale_columns:
@@ -80,8 +84,8 @@ class IMAConfig:
             raise ValueError("zoom_steps must be at least 1, and scene_m not negative")
         if self.clahe_tiles < 1 or self.clahe_clip_limit <= 0.0:
             raise ValueError("clahe_tiles must be at least 1, and clahe_clip_limit positive")
-        if self.sigma_m <= 0.0 or min(self.kappa, self.kappa_fall, self.flat_variance) < 0.0:
-            raise ValueError("sigma_m must be positive, kappa, kappa_fall and flat_variance not negative")
+        if self.sigma_m <= 0.0 or min(self.kappa, self.kappa_fall, self.flat_variance, self.memory_mb) < 0.0:
+            raise ValueError("sigma_m must be positive, kappa, kappa_fall, flat_variance and memory_mb not negative")
 
 
 @dataclass(frozen=True)
@@ -158,8 +162,7 @@ class IMA:
 
     def prepared(self, node: int) -> list[Reference]:
         """The same of the panorama that a node has now, by index; to be looked at only."""
-        one = slice(node, node + 1)
-        return [Reference(ready.pixels[one], ready.norms[one], ready.circular) for ready in self._references]
+        return [ready.chosen(np.array([node])) for ready in self._references]
 
     def replace_panorama(self, node: int, panorama: Image) -> None:
         """Give a node, by index, another panorama: as if ``fit`` had met it, but for the scale of the map.
@@ -171,7 +174,7 @@ class IMA:
             panorama: uint8 (rows, columns[, 3]), from the same heading on as the one before.
         """
         for ready, new in zip(self._references, self.prepare(panorama), strict=True):
-            ready.pixels[node], ready.norms[node] = new.pixels[0], new.norms[0]
+            ready.put(node, new)
 
     def find(self, image: Image, references: list[Reference]) -> Matches:
         """Where and how well a full-size frame matches panoramas that are ready; ``value`` as ``Evidence.match``."""
@@ -186,28 +189,27 @@ class IMA:
             nodes: indices into the nodes of the map, one for each result.
         """
         rows = np.asarray(nodes, dtype=np.int64)
-        pairs, _ = self._zoomed(
-            self._filtered(image, self.config.clahe),
-            [Reference(ready.pixels[rows], ready.norms[rows], ready.circular) for ready in self._references],
+        frames, references = self._zoomed(
+            self._filtered(image, self.config.clahe), [ready.chosen(rows) for ready in self._references]
         )
-        found = [self._matched(frame, reference) for frame, reference in pairs]
+        pairs = [(frame, references[0]) for frame in frames] + [(frames[0], wider) for wider in references[1:]]
+        found = self._found(frames, references)
         zooms: list[int] = np.stack([matches.value for matches in found]).argmax(axis=0).tolist()
         return [self._slots_on(*pairs[zoom], found[zoom], row) for row, zoom in enumerate(zooms)]
 
-    def _slots_on(self, frame: Floats, reference: Reference, found: Matches, row: int) -> SlotMatches:
+    def _slots_on(self, frame: Pixels, reference: Reference, found: Matches, row: int) -> SlotMatches:
         """The slots of a prepared frame on one of several references."""
-        columns, width = reference.pixels.shape[2], self.config.scale_columns // self.config.slots
+        columns, width = reference.columns, reference.slot_width
         place = found.column[row] + width * np.arange(self.config.slots)
-        single = Reference(reference.pixels[row : row + 1], reference.norms[row : row + 1], reference.circular)
-        shift, value, counted = self._by_slot(frame, single, place % columns)
+        shift, value, counted = self._by_slot(frame, reference.chosen(np.array([row])), place % columns)
         left = np.mod(place + shift, columns) / columns
         return SlotMatches(left, width / columns, value, counted, float(self._likeness(found.value[row : row + 1])[0]))
 
-    def _by_slot(self, frame: Floats, reference: Reference, place: Ints) -> tuple[Ints, Floats, NDArray[np.bool_]]:
+    def _by_slot(self, frame: Pixels, reference: Reference, place: Ints) -> tuple[Ints, Floats, NDArray[np.bool_]]:
         """Of each slot (N_s,) at its place on one reference: columns that it gives way, value, whether it counts."""
         value = slot_values(frame, reference, self.config.slots, self.config.flat_variance)[0, place]
         winner = value.argmax(axis=1) == np.arange(self.config.slots)
-        return np.zeros(len(place), dtype=np.int64), np.diagonal(value).copy(), winner
+        return np.zeros(len(place), dtype=np.int64), np.diagonal(value).astype(np.float64), winner
 
     def compare(self, image: Image, reference: Image) -> tuple[float, int]:
         """Match an image against a plain single image of the same camera, no circle (thesis 5.1.1, 5.1.5).
@@ -261,42 +263,45 @@ class IMA:
             for zoom in self.reference_zooms()
         ]
 
-    def _reference(self, pictures: list[Floats], circular: bool) -> Reference:
+    def _reference(self, pictures: list[Image], circular: bool) -> Reference:
         slot_width = self.config.scale_columns // self.config.slots
         prepared = np.stack([self._prepared(picture, circular) for picture in pictures])
-        return make_reference(prepared, slot_width, self.config.flat_variance, circular)
+        memory_mb = self.config.memory_mb / len(self.reference_zooms())
+        return make_reference(prepared, slot_width, self.config.flat_variance, circular, memory_mb)
 
-    def _prepared(self, picture: Floats, circular: bool = False) -> Floats:
+    def _prepared(self, picture: Image, circular: bool = False) -> Pixels:
         """What of a scaled picture (rows, columns) is matched: the published IMA takes its grey levels as they are."""
         del circular
         return picture
 
-    def _matched(self, frame: Floats, reference: Reference) -> Matches:
-        """A prepared frame found on each of K references."""
-        return match_slots(frame, reference, self.config.slots, self.config.flat_variance)
+    @property
+    def _sums(self) -> Sums:
+        """How slots add up to a match."""
+        return sums_of_winners
 
     def _likeness(self, value: Floats) -> Floats:
-        """``Evidence.match`` of what ``_matched`` found: the published IMA's is that value itself."""
+        """``Evidence.match`` of what ``_found`` found: the published IMA's is that value itself."""
         return value
 
     def _best_of_zooms(self, picture: Image, references: list[Reference]) -> Matches:
         """The best of the combinations of 4.1.5 for each reference, ``picture`` at full size and filtered."""
-        pairs, advances = self._zoomed(picture, references)
-        return best_of([self._matched(frame, reference) for frame, reference in pairs], np.array(advances))
+        nearer = self._advances()
+        advances = np.concatenate([[0.0], -nearer, nearer])
+        return best_of(self._found(*self._zoomed(picture, references)), advances)
 
-    def _zoomed(
-        self, picture: Image, references: list[Reference]
-    ) -> tuple[list[tuple[Floats, Reference]], list[float]]:
-        """What is matched with what (4.1.5), and the displacements that these stand for; both plain comes first."""
+    def _zoomed(self, picture: Image, references: list[Reference]) -> tuple[list[Pixels], list[Reference]]:
+        """The frame, plain and zoomed in, and the references, plain and zoomed in (4.1.5)."""
         rows, columns = references[0].pixels.shape[1], self.config.scale_columns
-        plain = self._prepared(_scaled(picture, columns, rows))
-        pairs, advances = [(plain, references[0])], [0.0]
-        for advance, wider in zip(self._advances().tolist(), references[1:], strict=True):
-            zoom = 1.0 / (1.0 - advance)
-            zoomed = self._prepared(_scaled(picture, columns, rows, zoom, zoom))
-            pairs += [(zoomed, references[0]), (plain, wider)]
-            advances += [-advance, advance]
-        return pairs, advances
+        zooms = [1.0, *(1.0 / (1.0 - self._advances())).tolist()]
+        return [self._prepared(_scaled(picture, columns, rows, zoom, zoom)) for zoom in zooms], references
+
+    def _found(self, frames: list[Pixels], references: list[Reference]) -> list[Matches]:
+        """Every frame on the plain references, then the plain frame on every wider one."""
+        slots, flat_variance = self.config.slots, self.config.flat_variance
+        found = match_frames(frames, references[0], slots, flat_variance, self._sums)
+        for wider in references[1:]:
+            found += match_frames(frames[:1], wider, slots, flat_variance, self._sums)
+        return found
 
     def _evidence(self, matches: Matches, mount: Floats) -> Evidence:
         """Heading by (2.2), of the window's middle on the circle that was searched, counter-clockwise.
@@ -332,7 +337,7 @@ class IMA:
     def _values_of_wrong_nodes(self, circles: list[Image], camera: Camera) -> tuple[Floats, Floats, Floats]:
         """What ``_scale_by`` takes, of views cut from each node's panorama on all others; few views of many nodes."""
         held = _evenly(len(circles), CALIBRATION_OTHERS)
-        references = [Reference(one.pixels[held], one.norms[held], one.circular) for one in self._references]
+        references = [ready.chosen(held, self.config.memory_mb) for ready in self._references]
         values, weights, distances = [], [], []
         for own in _evenly(len(circles), CALIBRATION_NODES):
             away = np.linalg.norm(self._positions[held] - self._positions[own], axis=1)
@@ -374,11 +379,11 @@ def best_of(found: Sequence[Matches], advances: Floats) -> Matches:
     )
 
 
-def _scaled(picture: Image, columns: int, rows: int, zoom_columns: float = 1.0, zoom_rows: float = 1.0) -> Floats:
+def _scaled(picture: Image, columns: int, rows: int, zoom_columns: float = 1.0, zoom_rows: float = 1.0) -> Image:
     """Grey levels (rows, columns * zoom_rows / zoom_columns) of a grey picture whose outer parts are cropped.
 
     A frame is zoomed in both ways: cropped to 1 / zoom of its columns and rows, and scaled back to its size. A
     reference keeps its full width (``zoom_columns`` 1): it is cropped in height only and grows wider.
     """
     kept = crop_centre(picture, 1.0 / zoom_columns, 1.0 / zoom_rows)
-    return np.asarray(resize(kept, round(columns * zoom_rows / zoom_columns), rows), dtype=np.float64)
+    return resize(kept, round(columns * zoom_rows / zoom_columns), rows)

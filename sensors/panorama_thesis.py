@@ -18,7 +18,8 @@ from sensors.panorama import (
     gaps_between,
     refuse_unusable,
 )
-from sensors.slot_matching import make_reference, slot_values
+from sensors.slot_correlation import make_reference
+from sensors.slot_matching import slot_values
 from topoloc.geometry import Floats, wrap
 from topoloc.thesis import THESIS
 from topoloc.topo_map import Camera

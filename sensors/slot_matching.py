@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sensors.slot_correlation import Reference, Singles, add_moved, slots_of
 from topoloc.geometry import Floats
 from topoloc.types import Ints
-
-
-@dataclass(frozen=True)
-class Reference:
-    """A reference image I_ref made ready for ``match_slots``.
-
-    Attributes:
-        pixels: (K, rows, columns) grey levels of K references of one size.
-        norms: (K, columns), root of the summed squared deviations of each slot-wide region; 0 where it is flat.
-        circular: the columns close a circle.
-    """
-
-    pixels: Floats
-    norms: Floats
-    circular: bool
 
 
 @dataclass(frozen=True)
@@ -43,33 +31,57 @@ class Matches:
     advance: Floats
 
 
-def make_reference(pixels: Floats, slot_width: int, flat_variance: float, circular: bool) -> Reference:
-    """Precompute what depends on the references alone.
+Sums = Callable[[Singles, int, bool], Singles]
+"""What slots whose correlations (N_s, columns, B) with B references are known add up to at every column (columns, B),
+times N_s; with the width of a slot, and whether the columns close a circle."""
+
+
+def sums_of_winners(correlation: Singles, width: int, circular: bool) -> Singles:
+    """SUM of Code 2.2: each slot adds at its place in the row, if it beats the others there (MATCH_SLOT of Code 2.1).
+
+    On a circle every index wraps. On a plain image (5.1.5) the slots that stick out add nothing.
+    """
+    best = correlation.max(axis=0)
+    value = np.clip(0.5 * best + 0.5, 0.0, 1.0)  # c* of (A.4): MATCH_VAL
+    total: Singles = np.zeros_like(best)
+    for slot, own in enumerate(correlation):
+        won = value * (own == best)
+        add_moved(total, won, slot * width, circular)
+        value -= won  # of equal slots the first wins, as ">" in Code 2.1 has it
+    return total
+
+
+def match_frames(
+    frames: Sequence[NDArray[np.generic]], reference: Reference, slots: int, flat_variance: float, sums: Sums
+) -> list[Matches]:
+    """Several frames against the same K references, which are read from memory once.
 
     Args:
-        pixels: (K, rows, columns).
-        slot_width: columns of a slot.
-        flat_variance: below it a region has no correlation [grey level^2].
-        circular: the columns close a circle.
+        frames: each (rows, columns) grey levels, as high as the references.
+        reference: K references.
+        slots: N_s; columns that do not fill a slot are left out.
+        flat_variance: a slot whose grey levels vary less has no correlation [grey level^2].
+        sums: how slots add up.
     """
-    rows, columns = pixels.shape[1:]
-    starts = columns if circular else columns - slot_width + 1
-    around = np.concatenate([pixels, pixels[:, :, : slot_width - 1]], axis=2) if circular else pixels
-    first, second = (_window_sums(power.sum(axis=1), slot_width) for power in (around, around**2))
-    count = rows * slot_width
-    energy = second - first**2 / count
-    norms = np.zeros((len(pixels), columns))
-    norms[:, :starts] = np.sqrt(np.where(energy < flat_variance * count, 0.0, np.maximum(energy, 0.0)))
-    return Reference(pixels, norms, circular)
+    templates = np.concatenate([slots_of(frame, slots, flat_variance) for frame in frames])
+    value = np.empty((len(frames), len(reference)))
+    column = np.empty((len(frames), len(reference)), dtype=np.int64)
+    for block, correlation in reference.correlations(templates):
+        for number in range(len(frames)):
+            own = correlation[number * slots : (number + 1) * slots]
+            total = sums(own, reference.slot_width, reference.circular)
+            column[number, block] = best = total.argmax(axis=0)
+            value[number, block] = total[best, np.arange(total.shape[1])] / slots
+    columns, none = np.full(len(reference), reference.columns), np.zeros(len(reference))
+    return [Matches(*found, columns, none) for found in zip(value, column, strict=True)]
 
 
-def _window_sums(columns: Floats, width: int) -> Floats:
-    """Sums over every run of ``width`` columns: (K, N) -> (K, N - width + 1)."""
-    total = np.concatenate([np.zeros((len(columns), 1)), np.cumsum(columns, axis=1)], axis=1)
-    return np.asarray(total[:, width:] - total[:, :-width])
+def match_slots(frame: NDArray[np.generic], reference: Reference, slots: int, flat_variance: float) -> Matches:
+    """IMA: Code 2.1 and 2.2 for K references at once; see ``match_frames``."""
+    return match_frames([frame], reference, slots, flat_variance, sums_of_winners)[0]
 
 
-def slot_values(frame: Floats, reference: Reference, slots: int, flat_variance: float) -> Floats:
+def slot_values(frame: NDArray[np.generic], reference: Reference, slots: int, flat_variance: float) -> Singles:
     """VAL of Code 2.1 for every slot: c* of (A.4) at every column of every reference.
 
     Args:
@@ -81,51 +93,9 @@ def slot_values(frame: Floats, reference: Reference, slots: int, flat_variance: 
     Returns:
         (K, columns, N_s); -inf where a slot would stick out of a reference that is no circle.
     """
-    rows = frame.shape[0]
-    width = frame.shape[1] // slots
-    template = frame[:, : slots * width].reshape(rows, slots, width)
-    template = template - template.mean(axis=(0, 2), keepdims=True)
-    energy = np.sum(template**2, axis=(0, 2))
-    # Every column of the reference against every column of the frame in one product; a slot's correlation is then
-    # the sum over its columns, each shifted to where the slot begins. The template's mean is 0: (A.3) drops out.
-    products = np.swapaxes(reference.pixels, 1, 2) @ template.reshape(rows, slots * width)
-    products = products.reshape(*products.shape[:2], slots, width)
-    correlation = sum(np.roll(products[..., k], -k, axis=1) for k in range(width))
-    norms = reference.norms[:, :, None] * np.where(energy < flat_variance * rows * width, 0.0, np.sqrt(energy))
-    value = np.full(correlation.shape, 0.5)
-    np.divide(correlation, norms, out=value, where=norms > 0.0)
-    value[norms > 0.0] = (np.clip(value[norms > 0.0], -1.0, 1.0) + 1.0) / 2.0
+    found = reference.correlations(slots_of(frame, slots, flat_variance))
+    correlation = np.concatenate([part for _, part in found], axis=2)
+    value: Singles = np.clip(0.5 * correlation + 0.5, 0.0, 1.0, dtype=np.float32).transpose(2, 1, 0)
     if not reference.circular:
-        value[:, reference.pixels.shape[2] - width + 1 :] = -np.inf
+        value[:, reference.columns - reference.slot_width + 1 :] = -np.inf
     return value
-
-
-def match_slots(frame: Floats, reference: Reference, slots: int, flat_variance: float) -> Matches:
-    """IMA: Code 2.1 and 2.2 for K references at once.
-
-    On a circle every index wraps. On a plain image (5.1.5) the slots that stick out add nothing.
-
-    Args:
-        frame: (rows, columns) grey levels; the columns that do not fill a slot are left out.
-        reference: K references as high as the frame.
-        slots: N_s.
-        flat_variance: see ``slot_values``.
-    """
-    width = frame.shape[1] // slots
-    value = slot_values(frame, reference, slots, flat_variance)
-    best = value.argmax(axis=2)  # MATCH_SLOT: the first of equal slots, as ">" in Code 2.1 keeps it
-    kept = np.where(np.arange(slots) == best[..., None], np.maximum(value, 0.0), 0.0)  # MATCH_VAL, by slot
-    total = sum(shifted(kept[..., n], n * width, reference.circular) for n in range(slots))
-    column = np.asarray(total).argmax(axis=1)
-    value_there = np.take_along_axis(np.asarray(total), column[:, None], axis=1)[:, 0] / slots
-    return Matches(value_there, column, np.full(len(column), reference.pixels.shape[2]), np.zeros(len(column)))
-
-
-def shifted(values: Floats, columns: int, circular: bool) -> Floats:
-    """Values (K, N, ...) moved left; what comes in from the right is the other end of the circle, or nothing."""
-    moved = np.roll(values, -columns, axis=1)
-    if not circular and columns > 0:
-        moved[:, -columns:] = 0.0
-    if not circular and columns < 0:
-        moved[:, :-columns] = 0.0
-    return moved

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from sensors.ima import IMA
 from sensors.images import clahe, crop_centre, grey, resize
-from sensors.slot_matching import Matches, Reference
+from sensors.slot_correlation import Reference
+from sensors.slot_matching import Matches
 from topoloc.errors import UserError
 from topoloc.geometry import Floats, between, compose, wrap
 from topoloc.topo_map import TopoMap
@@ -278,9 +279,9 @@ class PanoramaUpkeep:
         kept.last = taken
         view = self._laid(frame.images["rgb"], kept.now, self._found(frame, node)[-1])
         covered, middles = self._covered(view, kept.now.shape[1])
-        seen = self._sensor.prepare(pasted(kept.now, view, np.ones(kept.now.shape[1])))[0].pixels[0]
+        seen = self._sensor.prepare(pasted(kept.now, view, np.ones(kept.now.shape[1])))[0].pixels[0].astype(np.float64)
         rows = middle_rows(len(seen), len(view.picture) / len(kept.now))
-        held = self._ncc(seen[rows], self._sensor.prepared(node)[0].pixels[0, rows])
+        held = self._ncc(seen[rows], self._sensor.prepared(node)[0].pixels[0, rows].astype(np.float64))
         earlier = (kept.seen_in != NOT_SEEN) & (kept.seen_in < kept.visit)
         again = np.where(earlier, self._ncc(seen[rows], kept.candidates[rows]), 0.0)
         confirmed = covered & (again >= np.maximum(self.config.slot_alike, held + self.config.slot_gain))
