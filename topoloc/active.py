@@ -226,8 +226,9 @@ def _views_as_frames(topo_map: TopoMap, camera: Floats) -> Iterator[tuple[Floats
     if topo_map.views:
         return
     for node in topo_map.nodes:
-        if node.panorama is not None:
-            for window, axis in _windows(node.panorama, topo_map.camera.hfov_deg):
+        panorama = node.panorama  # once: it may have to be decoded
+        if panorama is not None:
+            for window, axis in _windows(panorama, topo_map.camera.hfov_deg):
                 pose = np.array([node.x, node.y, float(wrap(node.heading - axis))])
                 yield pose, replace(empty, images={"rgb": window})
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from topoloc.errors import InputError, UnreadableImage
 from topoloc.geometry import between
+from topoloc.pictures import PictureFile, held_in
 from topoloc.recording import Recording
 from topoloc.topo_map import TopoMap
 
@@ -40,30 +41,44 @@ class Report:
 def check_map(topo_map: TopoMap, folder: Path) -> Report:
     """Look a map over: nodes on one spot, nodes cut off, missing, dark or empty panoramas. ``folder``: or its file."""
     where = str(folder / "nodes.csv" if folder.is_dir() else folder)
-    with_panorama = sum(node.panorama is not None for node in topo_map.nodes)
+    with_panorama = sum(node.has_panorama for node in topo_map.nodes)
     summary = (
         f"map {topo_map.name!r}: {len(topo_map.nodes)} nodes, {len(np.asarray(topo_map.edges))} edges, "
         f"{with_panorama} panoramas, {len(topo_map.views)} views"
     )
     findings = []
     if with_panorama < len(topo_map.nodes) and not topo_map.views:
-        lacking = ", ".join(node.id for node in topo_map.nodes if node.panorama is None)
+        lacking = ", ".join(node.id for node in topo_map.nodes if not node.has_panorama)
         findings.append(Finding(where, f"nodes without a panorama: {lacking}", "ima needs one for each"))
     for a, b in _close_pairs(topo_map, 0.05):
         findings.append(Finding(where, f"nodes {a} and {b} are less than 5 cm apart", "keep one of them"))
     findings += _parts(topo_map, where)
+    findings += _panorama_findings(topo_map, where)
+    _decode_views(topo_map)
+    return Report(summary, tuple(findings))
+
+
+def _panorama_findings(topo_map: TopoMap, where: str) -> list[Finding]:
+    findings = []
     for node in topo_map.nodes:
-        if node.panorama is None:
+        panorama = node.panorama
+        if panorama is None:
             continue
-        empty = float(
-            (node.panorama.reshape(len(node.panorama), node.panorama.shape[1], -1).max(axis=(0, 2)) == 0).mean()
-        )
+        empty = float((panorama.reshape(len(panorama), panorama.shape[1], -1).max(axis=(0, 2)) == 0).mean())
         if empty > 0.0:
             what = f"{empty * 360.0:.0f} degrees of the panorama of node {node.id} are black"
             findings.append(Finding(where, what, "take the snapshots again, or align them by another method"))
-        elif node.panorama.mean() < DARK_LEVEL:
+        elif panorama.mean() < DARK_LEVEL:
             findings.append(Finding(where, f"the panorama of node {node.id} is very dark", "take it with more light"))
-    return Report(summary, tuple(findings))
+    return findings
+
+
+def _decode_views(topo_map: TopoMap) -> None:
+    """Raise ``InputError`` for the first picture of a view that is broken: opening a map does not decode them."""
+    for view in topo_map.views:
+        for picture in (held_in(view, "image"), held_in(view, "right")):
+            if isinstance(picture, PictureFile):
+                picture.read()
 
 
 def _parts(topo_map: TopoMap, where: str) -> list[Finding]:

@@ -20,6 +20,8 @@ from topoloc.types import Depth, Image, Pixels
 
 PICTURE_ENDINGS = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm")
 """Files that end so, in small letters or capitals, are taken for pictures where a folder is looked through."""
+RESTORE = "restore the image or its entry"
+"""What to do about a picture that cannot be read."""
 
 
 def pictures_in(folder: Path) -> list[Path]:
@@ -51,14 +53,14 @@ def write_bytes(path: Path, data: bytes) -> None:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
-            Path(name).chmod(0o666 & ~_umask())
+            Path(name).chmod(0o666 & ~umask())
             Path(name).replace(path)
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise
 
 
-def _umask() -> int:
+def umask() -> int:
     """The process's umask: files made by ``mkstemp`` are private until given the usual mode."""
     mask = os.umask(0)
     os.umask(mask)
@@ -93,7 +95,7 @@ def new_folder(path: Path, overwrite: bool = False, owned: Sequence[str] = ()) -
     with _plain_os_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-        temporary.chmod(0o777 & ~_umask())
+        temporary.chmod(0o777 & ~umask())
     try:
         yield temporary  # what goes wrong here is not for this place to explain
         with _plain_os_errors(path):
@@ -135,10 +137,10 @@ def read_text(path: Path, remedy: str) -> str:
     except UnicodeDecodeError:
         raise InputError(path, "is not a text file in UTF-8", remedy) from None
     except (OSError, ValueError) as error:
-        raise InputError(path, f"cannot be read ({_reason(error)})", remedy) from None
+        raise InputError(path, f"cannot be read ({reason(error)})", remedy) from None
 
 
-def _reason(error: OSError | ValueError) -> str:
+def reason(error: OSError | ValueError) -> str:
     """Why a path cannot be opened; a ValueError is what a NUL in it raises."""
     return getattr(error, "strerror", None) or str(error)
 
@@ -177,7 +179,7 @@ def _decoded(path: Path) -> Pixels:
     try:
         data = path.read_bytes()
     except (OSError, ValueError) as error:
-        raise UnreadableImage(path, f"cannot be read ({_reason(error)})", "restore the image or its entry") from None
+        raise UnreadableImage(path, f"cannot be read ({reason(error)})", RESTORE) from None
     try:
         with Pictures.open(io.BytesIO(data)) as picture:
             upright = ImageOps.exif_transpose(picture)

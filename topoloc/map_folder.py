@@ -6,15 +6,20 @@ import csv
 import io
 import math
 import re
+import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from topoloc.errors import InputError
-from topoloc.files import new_folder, read_image, read_text, write_csv, write_image, write_text
+from topoloc.errors import InputError, UnreadableImage
+from topoloc.file_stamp import FileStamp
+from topoloc.files import RESTORE, new_folder, read_text, reason, write_csv, write_image, write_text
 from topoloc.geometry import Floats, wrap
+from topoloc.picture_header import size_of
+from topoloc.picture_index import STORE_FOLDER, PictureIndex
+from topoloc.pictures import Held, PictureFile, Recent, Shelf, as_image, follow, held_in
 from topoloc.settings import build, convert, optional_length, read_toml, refuse_unknown
 from topoloc.topo_map import Camera, Node, TopoMap, View
 from topoloc.types import Image, Ints
@@ -42,14 +47,15 @@ def load_map(folder: Path) -> TopoMap:
     table = read_toml(path, "a map folder needs it; see 'topoloc simulate lab' for an example")
     refuse_unknown(table, {"name", "camera", "free", "panoramas_filtered", "baseline_m"}, path)
     camera = build(Camera, table.get("camera", {}), f"{path} [camera]")
-    nodes = _read_nodes(folder, camera)
+    pictures = OpenPictures(folder)
+    nodes = _read_nodes(folder, camera, pictures)
     return TopoMap(
         name=str(table.get("name", folder.name)),
         camera=camera,
         nodes=nodes,
         edges=_read_edges(folder / EDGES_FILE, nodes),
         free=_read_free(table.get("free", []), path),
-        views=_read_views(folder, camera),
+        views=_read_views(folder, camera, pictures),
         filtered=convert(table.get("panoramas_filtered", False), bool, f"{path}: panoramas_filtered"),
         baseline_m=optional_length(table, "baseline_m", path),
     )
@@ -100,7 +106,39 @@ def number(text: str, name: str, path: Path, line: int) -> float:
     return value
 
 
-def _read_nodes(folder: Path, camera: Camera) -> tuple[Node, ...]:
+class OpenPictures:
+    """The pictures that the files of a map name: looked at when the map is opened, decoded later.
+
+    Args:
+        folder: that their paths start from.
+        is_map_folder: see ``Shelf``.
+    """
+
+    def __init__(self, folder: Path, is_map_folder: bool = True) -> None:
+        self._shelf = Shelf(folder.absolute(), Recent(), is_map_folder)
+        self._index = PictureIndex.read(self._shelf.folder)
+
+    def open(self, name: str, path: Path, line: int) -> PictureFile:
+        """A picture that a line of a file names; ``InputError`` names the line and the picture."""
+        file = self._shelf.folder / name
+        try:
+            stamp, size = self._looked_at(file)
+        except InputError as error:
+            problem = f"the picture {file.name} {error.problem.removeprefix('is ')}"
+            raise InputError(path, problem, error.remedy, line=line) from None
+        return PictureFile(file, size, stamp, path, line, self._shelf)
+
+    def _looked_at(self, file: Path) -> tuple[FileStamp, tuple[int, int]]:
+        """Stamp and size of a picture; the size of one that did not change since it was last read is remembered."""
+        try:
+            stamp = FileStamp.of(file)
+        except (OSError, ValueError) as error:
+            raise UnreadableImage(file, f"cannot be read ({reason(error)})", RESTORE) from None
+        known = self._index.known(file, stamp)
+        return stamp, size_of(file) if known is None else known.size
+
+
+def _read_nodes(folder: Path, camera: Camera, pictures: OpenPictures) -> tuple[Node, ...]:
     path = folder / NODES_FILE
     nodes: list[Node] = []
     seen: dict[str, int] = {}
@@ -116,36 +154,26 @@ def _read_nodes(folder: Path, camera: Camera) -> tuple[Node, ...]:
             problem = f"id {identity!r} stands already on line {seen[identity]}"
             raise InputError(path, problem, "give each node an id of its own", line=line)
         seen[identity] = line
-        panorama = read_picture(folder / row["panorama"], path, line) if row["panorama"] else None
-        if panorama is not None:
-            _check_panorama(panorama, camera, path, line)
+        panorama = _panorama(pictures.open(row["panorama"], path, line), camera) if row["panorama"] else None
         nodes.append(Node(identity, row["name"], x, y, float(wrap(np.deg2rad(heading))), panorama))
     if not nodes:
         raise InputError(path, "the map has no nodes", "add a line for each node below the header")
     return tuple(nodes)
 
 
-def read_picture(image_path: Path, path: Path, line: int) -> Image:
-    """The picture that a line names; the error names both the line and the picture."""
-    try:
-        return read_image(image_path)
-    except InputError as error:
-        problem = f"the picture {image_path.name} {error.problem.removeprefix('is ')}"
-        raise InputError(path, problem, error.remedy, line=line) from None
-
-
-def _check_panorama(panorama: Image, camera: Camera, path: Path, line: int) -> None:
-    """A panorama holds 360 / hfov frames side by side at the scale of its own height."""
-    if not camera.fits_panorama(panorama):
-        rows, columns = panorama.shape[:2]
+def _panorama(picture: PictureFile, camera: Camera) -> Image:
+    """A panorama, which holds 360 / hfov frames side by side at the scale of its own height."""
+    if not camera.fits_panorama(picture):
+        rows, columns = picture.size
         expected = camera.panorama_columns() * rows / camera.height
         raise InputError(
-            path,
+            picture.source,
             f"the panorama has {columns} columns by {rows} rows, but a camera of {camera.width}x{camera.height} pixels"
             f" and {camera.hfov_deg:g} degrees gives {expected:.0f} columns",
             "correct [camera] in map.toml or make the panorama again",
-            line=line,
+            line=picture.line,
         )
+    return as_image(picture)
 
 
 def _read_edges(path: Path, nodes: tuple[Node, ...]) -> Ints | None:
@@ -174,32 +202,35 @@ def _read_free(polygons: Any, path: Path) -> tuple[Floats, ...]:
     return free
 
 
-def _read_views(folder: Path, camera: Camera) -> tuple[View, ...]:
+def _read_views(folder: Path, camera: Camera, pictures: OpenPictures) -> tuple[View, ...]:
     path = folder / VIEWS_FILE
     if not path.exists():
         return ()
     views = []
     for line, row in rows_of(path, VIEW_COLUMNS, "restore it"):
         x, y, heading = (number(row[key], key, path, line) for key in ("x", "y", "heading"))
-        image = _view_picture(folder / row["image"], camera, path, line)
+        image = _view_picture(pictures.open(row["image"], path, line), camera)
         other = row.get(RIGHT_COLUMN)
-        right = _view_picture(folder / other, camera, path, line) if other else None
+        right = _view_picture(pictures.open(other, path, line), camera) if other else None
         views.append(View(np.array([x, y, float(wrap(np.deg2rad(heading)))]), image, right))
     return tuple(views)
 
 
-def _view_picture(image_path: Path, camera: Camera, path: Path, line: int) -> Image:
+def _view_picture(picture: PictureFile, camera: Camera) -> Image:
     """A picture of a view, which has the aspect ratio of the map's camera."""
-    image = read_picture(image_path, path, line)
-    if not camera.fits(image):
-        rows, columns = image.shape[:2]
-        problem = f"{image_path.name} is {columns}x{rows}, but map.toml says {camera.width}x{camera.height}"
-        raise InputError(path, problem, "use images of one aspect ratio, or correct [camera]", line=line)
-    return image
+    if not camera.fits(picture):
+        rows, columns = picture.size
+        problem = f"{picture.path.name} is {columns}x{rows}, but map.toml says {camera.width}x{camera.height}"
+        remedy = "use images of one aspect ratio, or correct [camera]"
+        raise InputError(picture.source, problem, remedy, line=picture.line)
+    return as_image(picture)
 
 
 def save_map(topo_map: TopoMap, folder: Path, overwrite: bool = False) -> None:
     """Write a map folder, whole or not at all; ``load_map`` reads it back. Pictures become PNG files.
+
+    A map may be saved onto the folder that it was read from: from then on its pictures are those written there. What
+    was worked out from a map that is overwritten goes.
 
     Raises:
         OutputExists: the folder holds something and ``overwrite`` is not set.
@@ -217,18 +248,24 @@ def save_map(topo_map: TopoMap, folder: Path, overwrite: bool = False) -> None:
         if topo_map.baseline_m is not None:
             table["baseline_m"] = topo_map.baseline_m
         write_text(target / MAP_FILE, tomli_w.dumps(table))
-        rows = []
-        for node, stem in zip(topo_map.nodes, _file_stems(topo_map), strict=True):
-            name = "" if node.panorama is None else f"panoramas/{stem}.png"
-            if node.panorama is not None:
-                write_image(target / name, node.panorama)
-            place = repr(float(node.x)), repr(float(node.y)), _degrees(node.heading)
-            rows.append((node.id, node.name, *place, name))
-        write_csv(target / NODES_FILE, NODE_COLUMNS, rows)
         pairs = [(topo_map.nodes[a].id, topo_map.nodes[b].id) for a, b in np.asarray(topo_map.edges)]
         write_csv(target / EDGES_FILE, EDGE_COLUMNS, pairs)
-        if topo_map.views:
-            _save_views(topo_map.views, target)
+        written = _save_nodes(topo_map, target) + _save_views(topo_map.views, target)
+    shutil.rmtree(folder / STORE_FOLDER, ignore_errors=True)
+    follow(written, folder)
+
+
+def _save_nodes(topo_map: TopoMap, target: Path) -> list[tuple[Held, str]]:
+    """Write ``nodes.csv`` and its pictures."""
+    rows, written = [], []
+    for node, stem in zip(topo_map.nodes, _file_stems(topo_map), strict=True):
+        name = f"panoramas/{stem}.png" if node.has_panorama else ""
+        if node.panorama is not None:
+            write_image(target / name, node.panorama)
+            written.append((held_in(node, "panorama"), name))
+        rows.append((node.id, node.name, repr(float(node.x)), repr(float(node.y)), _degrees(node.heading), name))
+    write_csv(target / NODES_FILE, NODE_COLUMNS, rows)
+    return written
 
 
 def _file_stems(topo_map: TopoMap) -> list[str]:
@@ -239,23 +276,22 @@ def _file_stems(topo_map: TopoMap) -> list[str]:
     return [name if plain.fullmatch(name) and lower.count(name.lower()) == 1 else f"_{i}" for i, name in enumerate(ids)]
 
 
-def _save_views(views: Sequence[View], target: Path) -> None:
+def _save_views(views: Sequence[View], target: Path) -> list[tuple[Held, str]]:
     """Write ``views.csv`` and its pictures; the column ``right`` only where there is a stereo pair."""
-    rows = [_view_row(view, i, target) for i, view in enumerate(views)]
-    if any(view.right is not None for view in views):
+    rows, written = [], []
+    for i, view in enumerate(views):
+        names = {"image": f"views/{i:05d}.png", "right": f"views/{i:05d}_right.png" if view.has_right else ""}
+        write_image(target / names["image"], view.image)
+        if view.right is not None:
+            write_image(target / names["right"], view.right)
+        written += [(held_in(view, key), name) for key, name in names.items() if name]
+        x, y, heading = view.pose
+        rows.append((repr(float(x)), repr(float(y)), _degrees(heading), *names.values()))
+    if any(view.has_right for view in views):
         write_csv(target / VIEWS_FILE, (*VIEW_COLUMNS, RIGHT_COLUMN), rows)
-    else:
+    elif views:
         write_csv(target / VIEWS_FILE, VIEW_COLUMNS, [row[: len(VIEW_COLUMNS)] for row in rows])
-
-
-def _view_row(view: View, i: int, target: Path) -> tuple[str, ...]:
-    name = f"views/{i:05d}.png"
-    write_image(target / name, view.image)
-    right = "" if view.right is None else f"views/{i:05d}_right.png"
-    if view.right is not None:
-        write_image(target / right, view.right)
-    x, y, heading = view.pose
-    return repr(float(x)), repr(float(y)), _degrees(heading), name, right
+    return written
 
 
 def _degrees(angle: float) -> str:

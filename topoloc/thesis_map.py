@@ -12,9 +12,9 @@ import numpy as np
 from topoloc.errors import InputError, OutputExists, UserError
 from topoloc.files import PICTURE_ENDINGS, new_folder, read_text, write_image, write_text
 from topoloc.geometry import wrap
-from topoloc.map_folder import FARTHEST_M, number, read_picture
+from topoloc.map_folder import FARTHEST_M, OpenPictures, number
+from topoloc.pictures import PictureFile, as_image, follow, held_in
 from topoloc.topo_map import Camera, Node, TopoMap
-from topoloc.types import Image
 
 MM_PER_M = 1000.0
 LAYOUT = "write the folder of the panoramas on line 1, and 'name x y' in millimetres on a line for each place"
@@ -125,21 +125,21 @@ def load_thesis_map(path: Path, settings: ThesisMapSettings | None = None) -> To
         InputError: naming file, line and remedy.
     """
     known, said = settings or ThesisMapSettings(), read_thesis_map(path)
-    pictures = _pictures_in(said, path)
+    pictures, opened = _pictures_in(said, path), OpenPictures(said.folder, is_map_folder=False)
     nodes: list[Node] = []
     camera: Camera | None = None
     first = (0, 0)
     for place in said.places:
         file = _picture_of(place, pictures, said.folder, path)
-        panorama = read_picture(file, path, place.line)
+        panorama = opened.open(file.name, path, place.line)
         if camera is None:
-            camera, first = _camera_of(panorama, known.hfov_deg), panorama.shape[:2]
-        elif not camera.fits_panorama(panorama) and panorama.shape[:2] != first:
-            (rows, columns), (high, wide) = panorama.shape[:2], first
+            camera, first = _camera_of(panorama, known.hfov_deg), panorama.size
+        elif not camera.fits_panorama(panorama) and panorama.size != first:
+            (rows, columns), (high, wide) = panorama.size, first
             problem = f"{file.name} is {columns}x{rows}: not {wide}x{high} in shape, as the first"
             raise InputError(path, problem, "make all panoramas with one camera, full circles", line=place.line)
         x, y = place.x_mm / MM_PER_M, place.y_mm / MM_PER_M
-        nodes.append(Node(place.name, place.name, x, y, known.first_column, panorama))
+        nodes.append(Node(place.name, place.name, x, y, known.first_column, as_image(panorama)))
     assert camera is not None  # there is a place
     return TopoMap(path.stem, camera, tuple(nodes), filtered=known.filtered)
 
@@ -171,8 +171,8 @@ def _picture_of(place: ThesisPlace, pictures: dict[str, list[Path]], folder: Pat
     return files[0]
 
 
-def _camera_of(panorama: Image, hfov_deg: float) -> Camera:
-    rows, columns = panorama.shape[:2]
+def _camera_of(panorama: PictureFile, hfov_deg: float) -> Camera:
+    rows, columns = panorama.size
     return Camera(hfov_deg, max(1, round(columns * hfov_deg / 360.0)), rows)
 
 
@@ -197,12 +197,14 @@ def save_thesis_map(topo_map: TopoMap, path: Path, overwrite: bool = False) -> T
     folder = path.with_name(f"{path.stem}_panoramas")
     if path.exists() and not overwrite:
         raise OutputExists(path)
-    lines = [folder.name]
+    lines, written = [folder.name], []
     with new_folder(folder, overwrite, owned=_pictures_of(names, folder)) as target:
         for name, node in zip(names, topo_map.nodes, strict=True):
             assert node.panorama is not None  # or it would have been refused
             write_image(target / f"{name}.png", node.panorama)
+            written.append((held_in(node, "panorama"), f"{name}.png"))
             lines.append(f"{name} {round(node.x * MM_PER_M)} {round(node.y * MM_PER_M)}")
+    follow(written, folder)
     write_text(path, "\n".join(lines) + "\n")
     hfov = topo_map.camera.hfov_deg
     reference = round(float(np.rad2deg(wrap(topo_map.nodes[0].heading - np.deg2rad(hfov) / 2.0))), 9)
@@ -230,7 +232,7 @@ def _refuse_what_is_lost(topo_map: TopoMap) -> list[str]:
         if name.casefold() in first:  # some file systems do not tell A from a
             refuse(f"nodes {first[name.casefold()]} and {node.id} are both called {name!r}", "rename one of them")
         first[name.casefold()] = node.id
-        if node.panorama is None:
+        if not node.has_panorama:
             refuse(f"node {node.id} has no panorama", "take one, or leave the node out")
         if abs(float(wrap(node.heading - topo_map.nodes[0].heading))) > HEADINGS_AGREE_RAD:
             refuse(f"the panoramas of {names[0]} and {name} begin at different headings", "roll one of them")

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from topoloc.errors import UserError
 from topoloc.geometry import Floats, nearest_on_segment
+from topoloc.pictures import held_in, lazy_pictures
 from topoloc.types import Image, Ints
 
 MOST_CELLS = 4_000_000
@@ -23,6 +25,14 @@ MOST_WAY_POINTS = 1_000_000
 """Where there would be more of them, they are farther apart."""
 EDGE_REACH = 1.5
 """Without a list of edges, nodes closer than this many times the median nearest spacing are joined."""
+
+
+class Shaped(Protocol):
+    """An image, or a picture that is still on the disk."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(rows, cols[, 3])."""
 
 
 @dataclass(frozen=True)
@@ -49,18 +59,19 @@ class Camera:
         """Columns of a full circle at the scale of a frame ``frame_width`` columns wide: (2.1), rounded."""
         return round((self.width if frame_width is None else frame_width) * 360.0 / self.hfov_deg)
 
-    def fits(self, image: Image) -> bool:
+    def fits(self, image: Shaped) -> bool:
         """Whether an image has this camera's aspect ratio, to a pixel of rounding."""
         rows, columns = image.shape[:2]
         return bool(abs(columns * self.height - rows * self.width) <= max(self.width, self.height))
 
-    def fits_panorama(self, image: Image) -> bool:
+    def fits_panorama(self, image: Shaped) -> bool:
         """Whether an image has the aspect ratio of this camera's panoramas, to 2 %."""
         rows, columns = image.shape[:2]
         expected = self.panorama_columns() * rows / self.height
         return bool(abs(columns - expected) <= 0.02 * expected)
 
 
+@lazy_pictures("panorama")
 @dataclass(frozen=True)
 class Node:
     """A place of the map.
@@ -70,7 +81,8 @@ class Node:
         name: for people.
         x, y: [m], map frame.
         heading: of the left edge of the panorama's first column [rad, ccw]; columns run clockwise.
-        panorama: uint8 (rows, cols[, 3]), a full circle linear in angle, or None.
+        panorama: uint8 (rows, cols[, 3]), a full circle linear in angle, or None. A map that was read from a folder
+            decodes it when it is asked for, which raises ``InputError`` where it is broken.
     """
 
     id: str
@@ -80,10 +92,16 @@ class Node:
     heading: float = 0.0
     panorama: Image | None = field(default=None, repr=False, compare=False)
 
+    @property
+    def has_panorama(self) -> bool:
+        """Whether there is a panorama; it is not decoded."""
+        return held_in(self, "panorama") is not None
 
+
+@lazy_pictures("image", "right")
 @dataclass(frozen=True)
 class View:
-    """A training view.
+    """A training view; its pictures are decoded when they are asked for, as ``Node.panorama`` is.
 
     Attributes:
         pose: (3,) of the camera it was taken from; heading = optical axis.
@@ -94,6 +112,11 @@ class View:
     pose: Floats
     image: Image = field(repr=False, compare=False)
     right: Image | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def has_right(self) -> bool:
+        """Whether it is a stereo pair; nothing is decoded."""
+        return held_in(self, "right") is not None
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,7 @@ def _read_map(source: Path) -> _Places:
     from topoloc.topo_map import TopoMap
 
     the_map = TopoMap.load(source)
-    having = [number for number, node in enumerate(the_map.nodes) if node.panorama is not None]
+    having = [number for number, node in enumerate(the_map.nodes) if node.has_panorama]
     images = [panorama for node in the_map.nodes if (panorama := node.panorama) is not None]
     rank = {number: place for place, number in enumerate(having)}
     edges = [(rank[a], rank[b]) for a, b in np.asarray(the_map.edges).tolist() if a in rank and b in rank]
