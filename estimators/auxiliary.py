@@ -13,6 +13,8 @@ from estimators.resampling import systematic
 from estimators.sampling import sample_motion, sample_poses
 from topoloc.estimate import EstimateRule
 from topoloc.geometry import Floats, compose, covariance_root
+from topoloc.mixture import reach_of
+from topoloc.nearby import Nearby
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Ints, Motion, WeightedPoses
 
@@ -234,9 +236,13 @@ class FullyAdapted:
     Where 1 / kappa + Q is too wide for an angle (``LARGEST_ANGLE_VARIANCE``) the heading row drops as for kappa 0, and
     the correction is the whole von Mises.
 
+    Where hypotheses are many, the branches of a particle are those in its reach only: beside the floor the others
+    vanish.
+
     Attributes:
         gains: (M + 1, 3, 3) K of each hypothesis and, last, of the floor.
-        log_masses: (N, M + 1) log of lambda_j N(x_i + u; x_j, Q + H), and log floor.
+        branches: (N, B) hypotheses that particles may move towards, the last M, which is the floor.
+        log_masses: (N, B) log of lambda_j N(x_i + u; x_j, Q + H), and log floor; -inf fills up.
     """
 
     def __init__(self, poses: Floats, motion: Motion, evidence: Evidence) -> None:
@@ -256,11 +262,50 @@ class FullyAdapted:
         # log of lambda N(0; 0, Q + H): the sigma in lambda cancels against the determinant of H
         log_peaks = np.append(evidence.log_likelihoods, evidence.log_floor) + _log_gaussian(0.0, self._gaussian_kappa)
         log_peaks = log_peaks - np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
-        self.log_masses = np.empty((len(poses), len(log_peaks)))  # filled block by block, see PAIRS_AT_ONCE
-        rows = 1 + PAIRS_AT_ONCE // len(log_peaks)
-        for start in range(0, len(poses), rows):
-            innovations = _innovations(poses[start : start + rows, None], motion, self._hypotheses)
-            self.log_masses[start : start + rows] = log_peaks - 0.5 * _squared_lengths(whitener, innovations)
+        self._log_peaks, self._whitener = log_peaks, whitener
+        nearby = self._nearby(evidence, noise)
+        self.branches, self.log_masses = self._of_all() if nearby is None else self._of_those_near(nearby)
+
+    def _nearby(self, evidence: Evidence, noise: Floats) -> Nearby | None:
+        """The hypotheses by place, for predicted means; None where all are looked at."""
+        if evidence.log_floor == -np.inf:
+            return None
+        # an innovation is no shorter than its place; along no direction is the place's noise wider than this
+        widths = np.sqrt(evidence.sigma**2 + np.linalg.norm(noise[:2, :2], ord=2))
+        reach = reach_of(self._log_peaks[:-1], evidence.log_floor, widths)
+        return Nearby.worthwhile(evidence.poses[:, :2], reach)
+
+    def _of_all(self) -> tuple[Ints, Floats]:
+        """Branches and log masses (N, M + 1), block by block."""
+        count = len(self._log_peaks)
+        log_masses = np.empty((len(self._poses), count))
+        rows = 1 + PAIRS_AT_ONCE // count
+        everyone = np.arange(count)
+        for start in range(0, len(log_masses), rows):
+            poses = self._poses[start : start + rows]
+            log_masses[start : start + rows] = self._log_masses_of(poses[:, None], everyone)
+        return np.broadcast_to(everyone, log_masses.shape), log_masses
+
+    def _of_those_near(self, nearby: Nearby) -> tuple[Ints, Floats]:
+        """Branches and log masses (N, B) of those in reach and the floor, tile by tile."""
+        floor = len(self._log_peaks) - 1
+        tiles = list(nearby.tiles(compose(self._poses, self._motion.delta)[:, :2]))
+        most = max(some.points.shape[1] for some in tiles)
+        branches = np.full((len(self._poses), most + 1), floor, dtype=np.int32)
+        log_masses = np.full(branches.shape, -np.inf)
+        for some in tiles:
+            near, held = some.points[:, None], some.points.shape[1]
+            found = self._log_masses_of(self._poses[some.places][:, :, None], near)
+            log_masses[some.places, :held] = np.where(near < floor, found, -np.inf)
+            branches[some.places, :held] = near
+        log_masses[:, -1] = self._log_peaks[floor]
+        return branches, log_masses
+
+    def _log_masses_of(self, poses: Floats, hypotheses: Ints) -> Floats:
+        """(...) of poses (..., 3) and hypotheses (...), which broadcast."""
+        innovations = _innovations(poses, self._motion, self._hypotheses[hypotheses])
+        lengths = _squared_lengths(self._whitener[hypotheses], innovations)
+        return np.asarray(self._log_peaks[hypotheses] - 0.5 * lengths)
 
     def draw(self, particles: Ints, branches: Ints, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """From the product of the motion and the hypothesis, both Gaussian, by a draw of each.
@@ -268,16 +313,16 @@ class FullyAdapted:
         A draw of the motion's noise, moved by the gain towards a draw of the hypothesis, has the product's mean and
         covariance, Q - K Q. No root of that is needed.
         """
-        poses, sharp = self._poses[particles], self._sharpness[branches]
-        innovation = np.stack(_innovations(poses, self._motion, self._hypotheses[branches]), axis=-1)
+        hypotheses = self.branches[particles, branches]
+        poses, sharp = self._poses[particles], self._sharpness[hypotheses]
+        innovation = np.stack(_innovations(poses, self._motion, self._hypotheses[hypotheses]), axis=-1)
         deviation = np.divide(1.0, sharp, out=np.zeros_like(sharp), where=sharp > 0.0)  # infinite: the gain is zero
         told = innovation + deviation * rng.normal(size=innovation.shape)
         noise = rng.normal(size=innovation.shape) @ self._noise_root.T
-        noise = noise + np.einsum("nab,nb->na", self.gains[branches], told - noise)
+        noise = noise + np.einsum("nab,nb->na", self.gains[hypotheses], told - noise)
         off = innovation[:, 2] - noise[:, 2]
-        log_corrections = _log_von_mises(off, self._kappa[branches]) - _log_gaussian(
-            off, self._gaussian_kappa[branches]
-        )
+        kappa, gaussian_kappa = self._kappa[hypotheses], self._gaussian_kappa[hypotheses]
+        log_corrections = _log_von_mises(off, kappa) - _log_gaussian(off, gaussian_kappa)
         return compose(poses, self._motion.delta + noise), log_corrections
 
 
@@ -286,10 +331,10 @@ PROPOSALS: dict[str, type[FullyAdapted] | type[Generic]] = {"full": FullyAdapted
 
 
 def _scaled(log_masses: Floats) -> tuple[Floats, float]:
-    """Masses of the same shape, scaled so that the largest is 1, and the log of their sum unscaled; -inf for none."""
+    """Masses in their place, scaled so that the largest is 1, and the log of their sum unscaled; -inf for none."""
     peak = float(log_masses.max())
-    masses = log_masses - (peak if np.isfinite(peak) else 0.0)
-    np.exp(masses, out=masses)
+    log_masses -= peak if np.isfinite(peak) else 0.0
+    masses = np.exp(log_masses, out=log_masses)
     with np.errstate(divide="ignore"):
         return masses, peak + float(np.log(masses.sum()))
 
@@ -308,10 +353,12 @@ def _innovations(poses: Floats, motion: Motion, targets: Floats) -> tuple[Floats
 
 
 def _squared_lengths(whitener: Floats, innovations: tuple[Floats, Floats, Floats]) -> Floats:
-    """(N, M) squared lengths of innovations (N, M), whitened by lower triangular matrices (M, 3, 3)."""
+    """(...) squared lengths of innovations (...), whitened by lower triangular matrices (..., 3, 3)."""
     ahead, left, turn = innovations
-    (a, _, _), (b, c, _), (d, e, f) = whitener.transpose(1, 2, 0)
-    return np.asarray((a * ahead) ** 2 + (b * ahead + c * left) ** 2 + (d * ahead + e * left + f * turn) ** 2)
+    first, second, third = (whitener[..., row, :] for row in range(3))
+    total = (first[..., 0] * ahead) ** 2
+    total = total + (second[..., 0] * ahead + second[..., 1] * left) ** 2
+    return np.asarray(total + (third[..., 0] * ahead + third[..., 1] * left + third[..., 2] * turn) ** 2)
 
 
 def _log_von_mises(off: Floats, kappa: Floats) -> Floats:

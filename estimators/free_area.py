@@ -50,8 +50,10 @@ class FreeArea:
 
     def contains(self, positions: Floats) -> np.ndarray:
         """Which of the positions (P, 2) [m] lie in a free cell: (P,) bool."""
-        columns, rows = (self._along(positions, axis) for axis in (0, 1))
-        at = (columns + 1.0) * self._bordered.shape[1] + rows + 1.0
+        at = self._along(positions, 0)
+        at *= self._bordered.shape[1]
+        at += self._along(positions, 1)
+        at += self._bordered.shape[1] + 1.0  # past the border's first column, and the first of a column
         return np.asarray(self._bordered.take(at.astype(np.int64)))
 
     def barred(self, start: Floats, end: Floats) -> np.ndarray:

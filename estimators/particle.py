@@ -137,8 +137,8 @@ class ParticleFilter:
         it is not. The others are drawn anew by their joint weights, so that no heavy one is lost by lot.
         """
         log_joint = self._log_weights + self._weigher.log_weights(evidence, self._poses)
-        log_mean = self._weigher.log_mean(evidence)
-        if share == 0.0 or not np.isfinite(log_mean):
+        log_mean = self._weigher.log_mean(evidence) if share > 0.0 else -np.inf
+        if not np.isfinite(log_mean):
             return self._poses, log_joint
         log_recovered, log_predicted = np.log(share) + log_mean, np.log1p(-share) + _log_sum(log_joint)
         part = np.exp(log_recovered - np.logaddexp(log_recovered, log_predicted))

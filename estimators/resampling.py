@@ -15,6 +15,9 @@ from numpy.typing import ArrayLike
 from topoloc.geometry import Floats
 from topoloc.types import Ints
 
+CACHED = 2**13
+"""Weights that are worked on at a time."""
+BELOW_ONE = float(np.nextafter(1.0, 0.0))
 Resampler = Callable[[ArrayLike, int, np.random.Generator], Ints]
 """(weights (N,) up to a factor, n, rng) -> indices (n,) into the weights."""
 
@@ -30,19 +33,21 @@ def stratified(weights: ArrayLike, n: int, rng: np.random.Generator) -> Ints:
 
 
 def multinomial(weights: ArrayLike, n: int, rng: np.random.Generator) -> Ints:
-    """Independent draws. Indices (n,)."""
-    return _at(rng.random(n), weights)
+    """Independent draws. Indices (n,), ascending: neighbouring points are found several times as fast."""
+    return _at(_ordered_points(n, rng), _cumulated(weights)[0])
 
 
 def residual(weights: ArrayLike, n: int, rng: np.random.Generator) -> Ints:
     """floor(n w_i) copies of each particle for certain, the rest drawn from what is left over. Indices (n,)."""
-    expected = n * (np.asarray(weights, dtype=np.float64) / _cumulated(weights)[1])
-    certain = np.floor(expected).astype(np.int64)
-    missing = n - int(certain.sum())
+    left = np.asarray(weights, dtype=np.float64) * n
+    left /= _cumulated(weights)[1]
+    certain = left.astype(np.int64)
+    left -= certain
     copies = np.repeat(np.arange(len(certain)), certain)
+    missing = n - len(copies)
     if missing <= 0:
         return np.asarray(copies[:n], dtype=np.int64)
-    return np.concatenate([copies, multinomial(expected - certain, missing, rng)])
+    return np.concatenate([copies, multinomial(left, missing, rng)])
 
 
 RESAMPLERS: dict[str, Resampler] = {
@@ -65,24 +70,42 @@ def _cumulated(weights: ArrayLike) -> tuple[Floats, float]:
     return cumulated, total
 
 
-def _at(points: Floats, weights: ArrayLike) -> Ints:
-    """The particles (n,) in whose share of the cumulated weights the points (n,) of [0, 1) fall."""
+def _ordered_points(n: int, rng: np.random.Generator) -> Floats:
+    """Independent points (n,) of [0, 1), ascending: the arrivals of a Poisson process, without any sorting."""
+    arrivals = np.cumsum(rng.standard_exponential(n + 1))
+    points = arrivals[:-1]
+    points /= arrivals[-1]
+    return np.asarray(np.minimum(points, BELOW_ONE, out=points))
+
+
+def _at(points: Floats, cumulated: Floats) -> Ints:
+    """The particles (n,) in whose share of the cumulated weights (N,) the points (n,) of [0, 1) fall."""
     # side="right" steps over particles of weight zero: their share of the line is empty
-    return np.asarray(np.searchsorted(_cumulated(weights)[0], points, side="right"), dtype=np.int64)
+    return np.asarray(np.searchsorted(cumulated, points, side="right"), dtype=np.int64)
 
 
-def _at_one_in_each_part(places: ArrayLike, n: int, weights: ArrayLike) -> Ints:
+def _at_one_in_each_part(places: float | Floats, n: int, weights: ArrayLike) -> Ints:
     """What ``_at`` gives for one point in each n-th part of the line, at ``places`` in it, (n,) or one for all.
 
-    The points before the end of each share are counted, which is faster than searching for each point's share.
+    The points before the end of each share are counted, which is faster than searching for each point's share. A part
+    of the weights at a time: memory that stays in the cache need not be asked for again.
     """
     cumulated, _ = _cumulated(weights)
-    points = np.arange(n) + np.asarray(places)
+    if n == 0:
+        return np.zeros(0, dtype=np.int64)
+    indices = np.zeros(n + 2, dtype=np.int64)
+    for first in range(0, len(cumulated), CACHED):
+        ends = cumulated[first : first + CACHED]
+        before = (ends * n).astype(np.int64)  # as many, or one more or less
+        before -= _points(before - 1, places, n) >= ends
+        before += _points(before, places, n) < ends
+        counts = np.bincount(before - before[0])
+        indices[before[0] : before[0] + len(counts)] += counts
+    return np.cumsum(indices[:n], out=indices[:n])
+
+
+def _points(parts: Ints, places: float | Floats, n: int) -> Floats:
+    """The points (P,) of [0, 1) in so manieth parts (P,) of n; one part too far in either direction does no harm."""
+    points = parts + (places if isinstance(places, float) else places.take(parts, mode="clip"))
     points /= n
-    np.minimum(points, np.nextafter(1.0, 0.0), out=points)  # (n - 1 + 0.999...) / n may round up to one
-    fenced = np.concatenate([[-np.inf], points, [np.inf]])
-    before = np.empty(len(cumulated), dtype=np.int64)
-    np.multiply(cumulated, n, out=before, casting="unsafe")  # as many, or one more or less
-    before -= fenced[before] >= cumulated
-    before += fenced[1:][before] < cumulated
-    return np.cumsum(np.bincount(before, minlength=n)[:n])
+    return np.asarray(np.minimum(points, BELOW_ONE, out=points))  # (n - 1 + 0.999...) / n may round up to one

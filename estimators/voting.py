@@ -63,7 +63,7 @@ class Voting:
         """
         if evidence.is_blind:
             return
-        voters = ranked(evidence)[: self.config.neighbours]
+        voters = ranked(evidence, self.config.neighbours)
         log_votes = np.log(rank_weights(len(voters))) + evidence.log_likelihoods[voters]
         if np.isfinite(log_votes.max()):
             self._belief = WeightedPoses(evidence.poses[voters], log_votes, _spread(evidence, voters, log_votes))
@@ -79,10 +79,14 @@ def rank_weights(count: int) -> Floats:
     return np.arange(count, 0, -1) * 2.0 / (count**2 + count)
 
 
-def ranked(evidence: Evidence) -> Ints:
-    """Indices (M,) by falling match; of equal ones the lowest nodes, then the lowest poses, in whatever order."""
-    x, y, heading = evidence.poses.T
-    return np.asarray(np.lexsort((heading, y, x, evidence.nodes, -evidence.match)), dtype=np.int64)
+def ranked(evidence: Evidence, count: int | None = None) -> Ints:
+    """Indices by falling match, (M,) or the first (count,); of equal ones the lowest nodes, then the lowest poses."""
+    match = evidence.match
+    first = np.arange(len(match))
+    if count is not None and count < len(match):
+        first = np.flatnonzero(match >= -np.partition(-match, count - 1)[count - 1])  # equal ones, too
+    x, y, heading = evidence.poses[first].T
+    return first[np.lexsort((heading, y, x, evidence.nodes[first], -match[first]))[:count]]
 
 
 def _spread(evidence: Evidence, voters: Ints, log_votes: Floats) -> Floats:

@@ -170,8 +170,12 @@ WEIGHTINGS: dict[str, Weighting] = {
 
 def _nearest(evidence: Evidence, count: int) -> Ints:
     """Indices of the smallest distances; of equal ones the lowest nodes, then the lowest poses, in whatever order."""
-    x, y, heading = evidence.poses.T
-    return np.asarray(np.lexsort((heading, y, x, evidence.nodes, evidence.distance))[:count], dtype=np.int64)
+    distance = evidence.distance
+    near = np.arange(len(distance))
+    if count < len(distance):
+        near = np.flatnonzero(distance <= np.partition(distance, count - 1)[count - 1])  # equal ones, too
+    x, y, heading = evidence.poses[near].T
+    return near[np.lexsort((heading, y, x, evidence.nodes[near], distance[near]))[:count]]
 
 
 def _log_place(near: Neighbours, config: WeightingConfig) -> Floats:

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import i0e, logsumexp
 
-from topoloc.geometry import Floats, compose, cos_sin, inverse, wrap
+from topoloc.geometry import Floats, compose, inverse, wrap
+from topoloc.mixture import Mixture
 
 Image = NDArray[np.uint8]
 Depth = NDArray[np.uint16]
@@ -25,12 +25,6 @@ Pixels = NDArray[Any]
 DEPTH_UNITS_PER_M = 5000
 """What 1 m is in a ``Depth``, as in the TUM RGB-D recordings; 0 is unknown."""
 Ints = NDArray[np.int64]
-TRUSTED = 1e-280
-"""Sums of terms up to one that are at least this large have lost nothing to underflow, which starts at 1e-308."""
-MULTIPLIED_OUT = 1e8
-"""Squares may be multiplied out as long as their parts are no larger: what rounding loses is then below 1e-7."""
-CACHED = 2**16
-"""Terms that are worked on at a time: as many as stay in a core's cache."""
 
 
 def _frozen(values: ArrayLike, shape: tuple[int | None, ...], name: str) -> Floats:
@@ -40,6 +34,11 @@ def _frozen(values: ArrayLike, shape: tuple[int | None, ...], name: str) -> Floa
         raise ValueError(f"{name} has shape {array.shape}; expected {shape}")
     array.setflags(write=False)
     return array
+
+
+def _first_of_each(values: Ints) -> NDArray[np.bool_]:
+    """(M,) which of sorted values (M,) are not the same as the one before."""
+    return np.asarray(np.concatenate([[True], values[1:] != values[:-1]]))
 
 
 @dataclass(frozen=True)
@@ -122,128 +121,6 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class _Mixture:
-    """The sum of ``Evidence.log_likelihood`` as products of matrices; the attributes are the evidence's, M > 0.
-
-    The weights are scaled so that no term exceeds one. So nothing overflows, and what a sum loses to underflow tells
-    only where the sum itself is tiny: no floor, or one far below the best hypothesis. There ``_exactly`` is asked.
-    """
-
-    poses: Floats
-    log_likelihoods: Floats
-    sigma: Floats
-    kappa: Floats
-    log_floor: float
-
-    def at_poses(self, places: Floats, headings: Floats) -> Floats:
-        """(N,) at places (N, 2), each with its own of the headings (N,): one matrix product gives all exponents."""
-        if np.abs(self._coefficients).max() > MULTIPLIED_OUT:
-            return self._exactly(places, headings)
-        sums = np.empty(len(places))
-        for block in self._blocks(len(places)):
-            exponents = self._coefficients @ self._features(places[block], headings[block])
-            sums[block] = self._weights @ np.exp(exponents, out=exponents)
-        values, (lost,) = self._logs(sums)
-        values[lost] = self._exactly(places[lost], headings[lost])
-        return values
-
-    def at_every_heading(self, places: Floats, headings: Floats) -> Floats:
-        """(P, H) at places (P, 2) with each of the headings (H,): position and heading apart, then their product."""
-        sums = np.empty((len(places), len(headings)))
-        around = self._weights[:, None] * self._around(headings)
-        for block in self._blocks(len(places)):
-            np.matmul(np.exp(self._log_positions(places[block])), around, out=sums[block])
-        values, (place, heading) = self._logs(sums)
-        values[place, heading] = self._exactly(places[place], headings[heading])
-        return values
-
-    def on_grid(self, xs: Floats, ys: Floats, heading: float) -> Floats:
-        """(X, Y) at xs (X,) crossed with ys (Y,): x, y and heading apart, then their product."""
-        along_x, along_y = (
-            np.exp(-((line[:, None] - middle) ** 2) * self._narrowness)
-            for line, middle in ((xs, self.poses[:, 0]), (ys, self.poses[:, 1]))
-        )
-        weights = self._weights * self._around(np.array([heading]))[:, 0]
-        values, (column, row) = self._logs((along_x * weights) @ along_y.T)
-        values[column, row] = self._exactly(np.column_stack([xs[column], ys[row]]), np.full(len(column), heading))
-        return values
-
-    def _blocks(self, count: int) -> list[slice]:
-        """Parts of ``count`` poses that are small enough for the cache, and for memory where hypotheses are many."""
-        step = max(1, CACHED // len(self.poses))
-        return [slice(first, first + step) for first in range(0, count, step)]
-
-    def _logs(self, sums: Floats) -> tuple[Floats, tuple[Ints, ...]]:
-        """Log of floor + sums, of any shape, at their true scale, in place; indices of those that are not trusted."""
-        sums += np.exp(self.log_floor - self._scale)
-        lost = np.unravel_index(np.flatnonzero(~(sums >= TRUSTED)), sums.shape)  # NaN, too
-        sums[lost] = 1.0
-        np.log(sums, out=sums)
-        sums += self._scale
-        return sums, lost
-
-    def _exactly(self, places: Floats, headings: Floats) -> Floats:
-        """(N,) at places (N, 2) with headings (N,), each sum scaled by its own largest term."""
-        values = np.empty(len(places))
-        for block in self._blocks(len(places)):
-            turned = np.cos(headings[block, None] - self.poses[:, 2])
-            terms = self._log_peaks + self._log_positions(places[block]) + self.kappa * (turned - 1.0)  # (N, M)
-            values[block] = np.logaddexp(self.log_floor, logsumexp(terms, axis=1))
-        return values
-
-    def _log_positions(self, places: Floats) -> Floats:
-        """(N, M) log K at places (N, 2)."""
-        squared = (places[:, :1] - self.poses[:, 0]) ** 2 + (places[:, 1:] - self.poses[:, 1]) ** 2
-        return np.asarray(-squared * self._narrowness)
-
-    def _around(self, headings: Floats) -> Floats:
-        """(M, H) von Mises factors at headings (H,), scaled to one at their peak."""
-        turned = np.cos(headings - self.poses[:, 2:])
-        return np.asarray(np.exp(self.kappa[:, None] * (turned - 1.0)))
-
-    def _features(self, places: Floats, headings: Floats) -> Floats:
-        """(6, N) of places (N, 2) with headings (N,); ``_coefficients`` @ them are the exponents of all terms."""
-        x, y = places[:, 0] - self._centre[0], places[:, 1] - self._centre[1]
-        return np.stack([x * x + y * y, x, y, *cos_sin(headings), np.ones(len(x))])
-
-    @cached_property
-    def _coefficients(self) -> Floats:
-        """(M, 6): -|p - p_m|^2 / (2 sigma^2) + kappa (cos(theta - theta_m) - 1), multiplied out."""
-        (x, y), narrowness = (self.poses[:, :2] - self._centre).T, self._narrowness
-        cos, sin = np.cos(self.poses[:, 2]), np.sin(self.poses[:, 2])
-        constant = -narrowness * (x * x + y * y) - self.kappa
-        return np.column_stack(
-            [-narrowness, 2.0 * narrowness * x, 2.0 * narrowness * y, self.kappa * cos, self.kappa * sin, constant]
-        )
-
-    @cached_property
-    def _centre(self) -> Floats:
-        """(2,) of the hypotheses: squares of map coordinates would be large beside their differences."""
-        return np.asarray(self.poses[:, :2].mean(axis=0))
-
-    @cached_property
-    def _narrowness(self) -> Floats:
-        """(M,) 1 / (2 sigma^2)."""
-        return 0.5 / self.sigma**2
-
-    @cached_property
-    def _log_peaks(self) -> Floats:
-        """(M,) log of w_m times the peak of h."""
-        return np.asarray(self.log_likelihoods - np.log(i0e(self.kappa)))
-
-    @cached_property
-    def _scale(self) -> float:
-        """Log of the largest that a term can be; 0 where all are zero."""
-        largest = max(float(self._log_peaks.max()), self.log_floor)
-        return largest if largest > -np.inf else 0.0
-
-    @cached_property
-    def _weights(self) -> Floats:
-        """(M,) at most one."""
-        return np.asarray(np.exp(self._log_peaks - self._scale))
-
-
-@dataclass(frozen=True)
 class Evidence:
     """What one frame says of where the camera (or, once converted, the robot) is: M weighted hypotheses.
 
@@ -301,11 +178,17 @@ class Evidence:
 
     def best_per_node(self) -> Ints:
         """Indices (L,) of the best-matching hypothesis of each node that has one, by node."""
-        x, y, heading = self.poses.T  # decide between equal matches, so that the order of hypotheses does not matter
-        order = np.lexsort((heading, y, x, -self.match, self.nodes))
-        first = np.ones(len(order), dtype=bool)
-        first[1:] = self.nodes[order][1:] != self.nodes[order][:-1]
-        return np.asarray(order[first], dtype=np.int64)
+        if self.is_blind:
+            return np.zeros(0, dtype=np.int64)
+        by_node = np.argsort(self.nodes, kind="stable")
+        starts = np.flatnonzero(_first_of_each(self.nodes[by_node]))
+        match, counts = self.match[by_node], np.diff(starts, append=len(by_node))
+        best = by_node[~(match < np.repeat(np.maximum.reduceat(match, starts), counts))]
+        if len(best) > len(starts):  # decide between equal matches, so that the order of hypotheses does not matter
+            x, y, heading = self.poses[best].T
+            best = best[np.lexsort((heading, y, x, -self.match[best], self.nodes[best]))]
+            best = best[_first_of_each(self.nodes[best])]
+        return np.asarray(best, dtype=np.int64)
 
     def of_robot(self, camera: ArrayLike) -> Evidence:
         """The same evidence about the robot, for a camera mounted at pose ``camera`` (3,) on it.
@@ -363,15 +246,19 @@ class Evidence:
         return np.zeros((len(x), len(y))) if self.is_blind else self._mixture.on_grid(x, y, heading)
 
     @cached_property
-    def _mixture(self) -> _Mixture:
-        return _Mixture(self.poses, self.log_likelihoods, self.sigma, self.kappa, self.log_floor)
+    def _mixture(self) -> Mixture:
+        return Mixture(self.poses, self.log_likelihoods, self.sigma, self.kappa, self.log_floor)
 
-    @property
+    @cached_property
     def log_mass(self) -> float:
         """Log of the mixture (without the floor) integrated over the plane, heading averaged [m^2]; -inf if empty."""
-        if self.is_blind:
-            return -np.inf
-        return float(logsumexp(self.log_likelihoods + np.log(2.0 * np.pi * self.sigma**2)))
+        peak = float(self._log_masses.max(initial=-np.inf))
+        return peak + float(np.log(np.exp(self._log_masses - peak).sum())) if peak > -np.inf else peak
+
+    @cached_property
+    def _log_masses(self) -> Floats:
+        """(M,) of each hypothesis."""
+        return np.asarray(self.log_likelihoods + np.log(2.0 * np.pi * self.sigma**2))
 
     def sample(self, n: int, rng: np.random.Generator) -> Floats:
         """Draw n poses (n, 3) from the mixture, the floor left out; for recovery.
@@ -381,8 +268,7 @@ class Evidence:
         """
         if not np.isfinite(self.log_mass):
             raise ValueError("there is no hypothesis of any weight to sample from; look at log_mass first")
-        log_weights = self.log_likelihoods + 2.0 * np.log(self.sigma)
-        weights = np.exp(log_weights - logsumexp(log_weights))
+        weights = np.exp(self._log_masses - self.log_mass)
         chosen = rng.choice(len(weights), size=n, p=weights / weights.sum())
         position = self.poses[chosen, :2] + rng.normal(size=(n, 2)) * self.sigma[chosen, None]
         heading = wrap(rng.vonmises(self.poses[chosen, 2], self.kappa[chosen]))

@@ -26,8 +26,12 @@ PARTS = 20
 
 
 def filterpy_resampling(name: str, count: int) -> Case:
-    """Ours beside filterpy, which for the same random numbers must give the same indices."""
-    prepare = partial(_pair, name, getattr(monte_carlo, f"{name}_resample"), count, same_indices)
+    """Ours beside filterpy, which for the same random numbers must give the same indices.
+
+    The multinomial's are drawn in another order, and so only in distribution the same.
+    """
+    same = same_counts if name == "multinomial" else same_indices
+    prepare = partial(_pair, name, getattr(monte_carlo, f"{name}_resample"), count, same)
     return Case("estimators", "resampling", _size(name, count), "filterpy", (), prepare)
 
 

@@ -16,6 +16,7 @@ from estimators.resampling import multinomial
 from topoloc.estimate import mean_and_covariance, node_masses
 from topoloc.geometry import between, compose, wrap
 from topoloc.interfaces import Estimator
+from topoloc.nearby import Nearby
 from topoloc.odometry import OdometryNoise
 from topoloc.testing import check_estimator, evidence_for, toy_map
 from topoloc.topo_map import TopoMap
@@ -181,6 +182,59 @@ def test_masses_and_draws_turn_with_the_world(angle: float, x: float, y: float) 
     moved = compose(world, drawn)
     np.testing.assert_allclose(other_drawn[:, :2], moved[:, :2], atol=1e-9)
     np.testing.assert_allclose(wrap(other_drawn[:, 2] - moved[:, 2]), 0.0, atol=1e-9)
+
+
+def on_a_wide_map(seed: int, log_floor: float = -4.0) -> tuple[np.ndarray, Evidence]:
+    """Particles, most of them near the middle, and evidence of 400 hypotheses a metre apart."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.arange(20.0), np.arange(20.0))
+    hypotheses = np.column_stack([x.ravel(), y.ravel(), rng.uniform(-np.pi, np.pi, 400)])
+    poses = np.column_stack([rng.normal(10.0, 0.5, (80, 2)), rng.uniform(-np.pi, np.pi, 80)])
+    poses[:20, :2] = rng.uniform(-3.0, 23.0, (20, 2))
+    poses[0, :2] = 1e4
+    sigma, kappa = rng.uniform(0.1, 0.3, 400), rng.choice([0.0, 8.0, 200.0], 400)
+    return poses, evidence_of(hypotheses, rng.normal(-1.0, 2.0, 400), sigma, kappa, log_floor)
+
+
+@pytest.mark.parametrize("name", COVARIANCES)
+def test_branches_out_of_reach_are_left_out_and_no_others(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = Motion(DELTA, COVARIANCES[name])
+    for seed in range(3):
+        poses, evidence = on_a_wide_map(seed)
+        few = FullyAdapted(poses, motion, evidence)
+        with monkeypatch.context() as patch:
+            patch.setattr(Nearby, "worthwhile", lambda points, reach: None)
+            every = FullyAdapted(poses, motion, evidence)
+        assert few.log_masses.shape[1] < every.log_masses.shape[1] == 401
+        scattered = np.full(every.log_masses.shape, -np.inf)
+        row, column = np.nonzero(few.log_masses > -np.inf)
+        scattered[row, few.branches[row, column]] = few.log_masses[row, column]
+        assert (few.log_masses > -np.inf).sum() == (scattered > -np.inf).sum()  # none twice
+        kept = scattered > -np.inf
+        np.testing.assert_allclose(scattered[kept], every.log_masses[kept], rtol=1e-12, atol=1e-12)
+        assert np.exp(np.where(kept, -np.inf, every.log_masses)).sum(axis=1).max() < 1e-14 * np.exp(-4.0)
+
+
+def test_draws_are_the_same_with_and_without_those_out_of_reach() -> None:
+    poses, evidence = on_a_wide_map(1)
+    motion, count = Motion(DELTA, COVARIANCES["regular"]), 30_000
+    weights = np.full(len(poses), 1.0 / len(poses))
+    means = []
+    for part in (evidence, replace(evidence, log_floor=-np.inf)):  # without a floor all are looked at
+        proposal = FullyAdapted(poses[20:], motion, part)
+        drawn, corrections, mass = chosen_draws(proposal, weights[20:], count, np.random.default_rng(2))
+        if part is evidence:
+            near = np.exp(corrections)[:, None] * features(drawn) * mass
+            floor = proposal.log_masses[0, -1] + np.log(weights[20:].sum())
+            assert proposal.log_masses.shape[1] < 401
+        else:
+            assert proposal.log_masses.shape[1] == 401
+        means.append((mass * np.exp(corrections)[:, None] * features(drawn)).mean(axis=0))
+    predicted = compose(poses[20:], DELTA)
+    expected = means[1] + np.exp(floor) * features(predicted).mean(axis=0)
+    # 5 standard errors of both, and of the heading that the floor's particles scatter by
+    tolerance = 5.0 * np.sqrt(2.0) * near.std(axis=0) / np.sqrt(count) + 0.05 * np.exp(floor)
+    assert (np.abs(means[0] - expected) < tolerance).all()
 
 
 # --- both proposals draw from prediction times Evidence.log_likelihood ----------------------------------------------

@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 from estimators.free_area import FreeArea
 from estimators.particle import ParticleFilter
 from estimators.resampling import RESAMPLERS
-from estimators.sampling import sample_motion, sample_poses
+from estimators.sampling import sample_motion, sample_poses, standard_normals
 from estimators.weights import WEIGHTINGS, WeightingConfig
 from topoloc.estimate import mean_and_covariance, node_masses
 from topoloc.geometry import between, covariance_root
@@ -41,6 +42,31 @@ def test_motion_samples_have_the_motions_moments(covariance: np.ndarray) -> None
 def test_covariance_root(covariance: np.ndarray) -> None:
     root = covariance_root(covariance)
     np.testing.assert_allclose(root @ root.T, covariance, atol=1e-15)
+
+
+def test_noise_is_normal_and_independent() -> None:
+    drawn = standard_normals(3, 200_001, np.random.default_rng(11)).astype(np.float64)
+    for row in drawn:
+        assert kstest(row, "norm").pvalue > 1e-3
+    # 5 standard errors of 600,000: of the mean, the variance and the fourth moment
+    assert drawn.mean() == pytest.approx(0.0, abs=5.0 / np.sqrt(6e5))
+    assert (drawn**2).mean() == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / 6e5))
+    assert (drawn**4).mean() == pytest.approx(3.0, abs=5.0 * np.sqrt(96.0 / 6e5))
+    # both of a pair come from one radius: their squares must not know of each other
+    flat = drawn.ravel()
+    first, second = flat[: flat.size // 2], flat[(flat.size + 1) // 2 :]
+    assert abs(np.corrcoef(first, second)[0, 1]) < 5.0 / np.sqrt(3e5)
+    assert abs(np.corrcoef(first**2, second**2)[0, 1]) < 5.0 / np.sqrt(3e5)
+
+
+@pytest.mark.parametrize("number", [0.0, 0.25, 0.5, 1.0 - 2.0**-24])
+def test_noise_is_finite_whatever_the_numbers(number: float) -> None:
+    class Same(np.random.Generator):
+        def random(self, size: Any = None, dtype: Any = None, out: Any = None) -> Any:
+            return np.full(size, number, dtype=dtype)
+
+    assert (np.abs(standard_normals(3, 5, Same(np.random.PCG64(0)))) < 5.8).all()
+    assert standard_normals(3, 0, np.random.default_rng(0)).shape == (3, 0)
 
 
 def test_poses_are_drawn_by_weight_and_spread() -> None:

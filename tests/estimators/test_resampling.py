@@ -7,7 +7,9 @@ import pytest
 from filterpy.monte_carlo import resampling as filterpy_resampling
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import beta, kstest
 
+from estimators import resampling as ours
 from estimators.resampling import RESAMPLERS, multinomial, residual, stratified, systematic
 
 WEIGHTS = np.array([0.0, 0.05, 0.3, 0.0, 0.45, 0.2, 0.0])
@@ -125,12 +127,45 @@ def test_indices_are_filterpys_for_the_same_random_numbers(name: str, weights: l
     assert np.array_equal(np.sort(theirs)[clear], np.sort(ours)[clear])
 
 
+@pytest.mark.parametrize("name", RESAMPLERS)
+def test_none_can_be_asked_for(name: str) -> None:
+    assert RESAMPLERS[name](WEIGHTS, 0, np.random.default_rng(0)).shape == (0,)
+
+
+@pytest.mark.parametrize("name", RESAMPLERS)
+def test_indices_are_ascending_where_the_certain_ones_do_not_come_first(name: str) -> None:
+    chosen = RESAMPLERS[name](np.arange(1.0, 51.0), 40, np.random.default_rng(4))
+    copies = 40 * np.arange(1.0, 51.0) // (50 * 51 / 2) if name == "residual" else np.zeros(50)
+    assert (np.diff(chosen[int(copies.sum()) :]) >= 0).all()
+
+
+def test_more_weights_than_are_worked_on_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    weights = np.random.default_rng(5).exponential(size=1000) ** 4
+    for name in ("systematic", "stratified"):
+        whole = RESAMPLERS[name](weights, 700, np.random.default_rng(6))
+        with monkeypatch.context() as patch:
+            patch.setattr(ours, "CACHED", 64)
+            assert np.array_equal(RESAMPLERS[name](weights, 700, np.random.default_rng(6)), whole)
+
+
+def test_the_multinomials_points_are_uniform_and_independent() -> None:
+    """Sorted uniform numbers: the k-th of n is Beta(k, n + 1 - k), and the gaps between them forget each other."""
+    points = np.array([ours._ordered_points(9, np.random.default_rng(seed)) for seed in range(4000)])
+    assert (np.diff(points, axis=1) >= 0.0).all() and (points < 1.0).all()
+    for k in range(9):
+        assert kstest(points[:, k], beta(k + 1, 9 - k).cdf).pvalue > 1e-4
+    gaps = np.diff(points, axis=1)
+    # gaps of uniform points are correlated by -1 / n; 5 standard errors of a correlation are 0.08
+    assert np.abs(np.corrcoef(gaps.T)[np.triu_indices(8, 1)] + 1.0 / 9.0).max() < 0.08
+
+
 def test_residual_copies_are_those_of_the_definition() -> None:
     """floor(n w) copies of each, then a draw by n w - floor(n w): the literal algorithm with the same numbers."""
     weights = np.array([0.37, 0.05, 0.33, 0.25])
-    rng = np.random.default_rng(3)
-    expected = [index for index, weight in enumerate(weights) for _ in range(int(17 * weight))]
-    left = 17 * weights - np.floor(17 * weights)
-    border = np.cumsum(left) / left.sum()
-    expected += [int(np.flatnonzero(point < border)[0]) for point in rng.random(17 - len(expected))]
-    assert sorted(residual(weights, 17, np.random.default_rng(3))) == sorted(expected)
+    for seed in range(20):
+        expected = [index for index, weight in enumerate(weights) for _ in range(int(17 * weight))]
+        left = 17 * weights - np.floor(17 * weights)
+        border = np.cumsum(left) / left.sum()
+        points = ours._ordered_points(17 - len(expected), np.random.default_rng(seed))
+        expected += [int(np.flatnonzero(point < border)[0]) for point in points]
+        assert sorted(residual(weights, 17, np.random.default_rng(seed))) == sorted(expected)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from estimators.baselines import BestMatch
 from estimators.gaussian import ANY_HEADING
-from estimators.voting import Voting, VotingConfig, rank_weights
+from estimators.voting import Voting, VotingConfig, rank_weights, ranked
 from topoloc.estimate import estimate_from, node_masses
 from topoloc.interfaces import Estimator
 from topoloc.testing import check_estimator, evidence_for, toy_map
@@ -48,6 +48,17 @@ def test_weights_by_rank_fall_and_sum_to_one(count: int) -> None:
     assert weights.sum() == pytest.approx(1.0)
     assert (weights > 0.0).all() and (np.diff(weights) < 0.0).all()
     assert weights[-1] == pytest.approx(2.0 / (count**2 + count))
+
+
+@settings(deadline=None)
+@given(st.integers(0, 1000), st.integers(1, 40))
+def test_the_first_are_those_of_the_whole_ranking(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    evidence = views(list(rng.integers(0, 4, 30) / 4.0), list(rng.integers(0, len(MAP.nodes), 30)))
+    x, y, heading = evidence.poses.T
+    whole = np.lexsort((heading, y, x, evidence.nodes, -evidence.match))
+    assert np.array_equal(ranked(evidence), whole)
+    assert np.array_equal(ranked(evidence, count), whole[:count])
 
 
 def test_votes_by_hand() -> None:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from estimators.weights import WEIGHTINGS, WeightingConfig
+from estimators.weights import WEIGHTINGS, WeightingConfig, _nearest
 from topoloc.geometry import rotate, wrap
 from topoloc.types import Evidence
 
@@ -189,6 +189,17 @@ def test_an_unknown_heading_has_factor_one(name: str) -> None:
 @pytest.mark.parametrize("name", WEIGHTINGS)
 def test_a_blind_frame_weighs_nothing(name: str) -> None:
     np.testing.assert_array_equal(WEIGHTINGS[name](Evidence.blind(), random_poses(0), CONFIG), np.zeros(12))
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 1000), count=st.integers(1, 40))
+def test_the_nearest_are_the_first_of_all_sorted(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    poses = rng.integers(0, 2, (30, 3)).astype(np.float64)
+    evidence = replace(images(poses, rng.integers(0, 4, 30) / 4.0), nodes=rng.integers(0, 3, 30))
+    x, y, heading = evidence.poses.T
+    whole = np.lexsort((heading, y, x, evidence.nodes, evidence.distance))
+    assert np.array_equal(_nearest(evidence, count), whole[:count])
 
 
 # --- what follows (EQUATIONS.md, 3) ---------------------------------------------------------------------------------

@@ -15,7 +15,8 @@ from scipy.special import i0e
 from scipy.stats import norm, vonmises
 
 from topoloc.geometry import circular_mean, compose, cos_sin, inverse, wrap
-from topoloc.types import Evidence, Frame, Motion, WeightedPoses, _Mixture
+from topoloc.mixture import Mixture
+from topoloc.types import Evidence, Frame, Motion, WeightedPoses
 
 NAMES = ("poses", "nodes", "match", "distance", "log_likelihoods", "sigma", "kappa")
 
@@ -222,11 +223,11 @@ class TestLogLikelihood:
         evidence = evidence_of(9, poses=poses)
         places, headings = poses_around(evidence, rng, 500)
 
-        def exactly(mixture: _Mixture, at: np.ndarray, *_: np.ndarray) -> np.ndarray:
+        def exactly(mixture: Mixture, at: np.ndarray, *_: np.ndarray) -> np.ndarray:
             assert len(at) == 0, "the slow way was taken"
             return np.zeros(0)
 
-        monkeypatch.setattr(_Mixture, "_exactly", exactly)
+        monkeypatch.setattr(Mixture, "_exactly", exactly)
         got = evidence.log_likelihood(places, headings[:, :1])
         np.testing.assert_allclose(got, term_by_term(evidence, places, headings[:, :1]), rtol=1e-11, atol=1e-10)
 
@@ -425,6 +426,21 @@ class TestEvidence:
     def test_best_per_node(self) -> None:
         evidence = evidence_of(5, nodes=[2, 0, 2, 0, 5], match=[0.1, 0.8, 0.9, 0.3, 0.2])
         assert evidence.best_per_node().tolist() == [1, 2, 4]
+
+    @given(st.integers(0, 2**32 - 1), st.integers(1, 30))
+    def test_best_per_node_is_the_first_of_all_sorted(self, seed: int, count: int) -> None:
+        """Among equal matches, too; poses that are the same decide by their place in the list."""
+        rng = np.random.default_rng(seed)
+        evidence = evidence_of(
+            count,
+            poses=rng.integers(0, 2, (count, 3)),
+            nodes=rng.integers(-1, 5, count),
+            match=rng.integers(0, 3, count) / 3.0,
+        )
+        x, y, heading = evidence.poses.T
+        order = np.lexsort((heading, y, x, -evidence.match, evidence.nodes))
+        _, first = np.unique(evidence.nodes[order], return_index=True)
+        assert np.array_equal(evidence.best_per_node(), order[first])
 
     @given(st.permutations(range(6)))
     def test_best_per_node_in_any_order(self, order: list[int]) -> None:
