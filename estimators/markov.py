@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from itertools import product
 
 import numpy as np
-from scipy.linalg.blas import daxpy
 
 from estimators.free_area import FreeArea
+from estimators.likelihood_field import LikelihoodField
+from estimators.shifting import CellMotion
+from estimators.windows import Window, reachable, tiles
 from topoloc.estimate import EstimateRule
 from topoloc.geometry import Floats, rotate, wrap
 from topoloc.topo_map import TopoMap
@@ -17,6 +18,10 @@ from topoloc.types import Evidence, Motion, WeightedPoses
 
 NEGLIGIBLE = 1e-3
 """Cells that together weigh less than this are left out of the belief that is handed out."""
+CACHED = 32_768
+"""Cells that an update works on at a time, where layers are not larger: a quarter of a megabyte."""
+MANY = 60
+"""More hypotheses than this are looked for tile by tile, for few reach each: measured."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,9 @@ class MarkovGrid:
         self.config = config or MarkovGridConfig()
         self._area: FreeArea
         self._free: np.ndarray  # (X, Y) bool
+        self._motion: CellMotion
+        self._tiles: list[Window]  # of the cells, all of them
+        self._reachable: list[Window]  # the same, or the whole where little would be left out
         self._headings: Floats  # (H,) that the layers stand for now [rad]
         self._offsets: Floats  # (H, 2) of the layers from the cells' centres, at most half a cell [m]
         self._mass: Floats  # (H, X, Y), sums to one
@@ -79,10 +87,11 @@ class MarkovGrid:
         self._free = self._area.free
         self._headings = wrap(np.arange(self.config.headings) * self._heading_step)
         self._offsets = np.zeros((self.config.headings, 2))
-        if prior is None:
-            self._mass = self._normalised(np.zeros((self.config.headings, *self._free.shape)))
-        else:
-            self._mass = self._normalised(self._deposited(prior))
+        self._motion = CellMotion(self._area)
+        self._tiles, self._reachable = tiles(self._free), reachable(self._free)
+        empty = np.zeros((self.config.headings, *self._free.shape))
+        self._mass = empty if prior is None else self._deposited(prior)
+        self._normalise()
 
     def predict(self, motion: Motion) -> None:
         """P'(s) = sum P(s | s_before, a) Bel(s_before), equation (3.10)."""
@@ -92,7 +101,8 @@ class MarkovGrid:
         self._offsets = moved - cells * size
         variances = _map_variances(motion.covariance[:2, :2], self._headings) / size**2
         turn = motion.covariance[2, 2] / self._heading_step**2
-        self._mass = self._normalised(_moved(self._mass, cells, variances, turn, self._area))
+        self._motion.move(self._mass, cells, variances, turn)
+        self._normalise()
         self._headings = wrap(self._headings + motion.delta[2])
 
     def update(self, evidence: Evidence) -> float | None:
@@ -104,16 +114,8 @@ class MarkovGrid:
         """
         if evidence.is_blind:
             return None
-        joint = self._log_joint(evidence)
-        peak = float(joint.max())
-        if not np.isfinite(peak):
-            return peak
-        joint -= peak
-        np.exp(joint, out=joint)
-        total = float(joint.sum())
-        joint /= total
-        self._mass = joint
-        return peak + float(np.log(total))
+        likelihood = LikelihoodField.of(evidence)
+        return self._update_in_logs(evidence) if likelihood is None else self._multiply(likelihood)
 
     @property
     def belief(self) -> WeightedPoses:
@@ -129,6 +131,36 @@ class MarkovGrid:
     def _heading_step(self) -> float:
         return 2.0 * np.pi / self.config.headings
 
+    def _multiply(self, likelihood: LikelihoodField) -> float:
+        """The update in place, by windows and layers that stay in the cache. Nothing underflows: there is a floor."""
+        recovery, xs, ys = self.config.recovery, self._area.xs, self._area.ys
+        anywhere = recovery / (len(self._mass) * len(self._area.centres)) / (1.0 - recovery)
+        total = 0.0
+        for columns, rows in self._tiles if len(likelihood.weights) > MANY else self._reachable:
+            near = likelihood.near(xs[columns], ys[rows], self.config.resolution_m / 2.0)  # offsets are no longer
+            evenly = self._free[columns, rows] * anywhere
+            step = max(1, CACHED // evenly.size)
+            for layers in (slice(first, first + step) for first in range(0, len(self._mass), step)):
+                offsets, mass = self._offsets[layers], self._mass[layers, columns, rows]
+                mass += evenly
+                mass *= near.at(xs[columns] + offsets[:, :1], ys[rows] + offsets[:, 1:], self._headings[layers])
+                total += float(mass.sum())
+        self._divide(total)
+        return likelihood.log_unit + float(np.log((1.0 - recovery) * total))
+
+    def _update_in_logs(self, evidence: Evidence) -> float:
+        """The update where likelihoods may be smaller than any number: a logarithm and an exponential for each cell."""
+        joint = self._log_joint(evidence)
+        peak = float(joint.max())
+        if not np.isfinite(peak):
+            return peak
+        joint -= peak
+        np.exp(joint, out=joint)
+        total = float(joint.sum())
+        joint /= total
+        self._mass = joint
+        return peak + float(np.log(total))
+
     def _log_joint(self, evidence: Evidence) -> Floats:
         """(H, X, Y) log of P(v | s) P'(s), the recovery in P'; a layer at a time, which stays in the cache."""
         recovery, xs, ys = self.config.recovery, self._area.xs, self._area.ys
@@ -140,14 +172,23 @@ class MarkovGrid:
                 log_joint[layer] += evidence.log_likelihood_on_grid(xs + offset[0], ys + offset[1], float(heading))
         return log_joint
 
-    def _normalised(self, mass: Floats) -> Floats:
-        """Mass (H, X, Y) of the free cells, in place, summing to one; even where there is none."""
-        total = float(mass.sum())
+    def _normalise(self) -> None:
+        """Make the mass sum to one; even over the free cells where there is none."""
+        total = sum(float(part.sum()) for part in self._parts)
         if total < np.finfo(np.float64).tiny:
-            mass[:] = self._free
-            total = float(mass.sum())
-        mass /= total
-        return mass
+            self._mass[:] = self._free
+            total = float(self._mass.sum())
+        self._divide(total)
+
+    def _divide(self, total: float) -> None:
+        """Divide the mass by its sum, in place."""
+        for part in self._parts:
+            np.divide(part, total, out=part)
+
+    @property
+    def _parts(self) -> list[Floats]:
+        """Where the mass is: views of it."""
+        return [self._mass[:, columns, rows] for columns, rows in self._reachable]
 
     def _deposited(self, prior: WeightedPoses) -> Floats:
         """A prior as mass (H, X, Y): each pose is shared among the 8 cells around it, which keeps the mean."""
@@ -167,7 +208,8 @@ class MarkovGrid:
             np.add.at(mass, tuple(cell[inside].T), weight[inside])
         heading, *place = prior.spread[[2, 0, 1]] / size**2
         still, variances = (np.tile(values, (self.config.headings, 1)) for values in ([0.0, 0.0], place))
-        return _moved(mass, still, variances, float(heading), self._area)
+        self._motion.move(mass, still, variances, float(heading))
+        return mass
 
 
 def _map_variances(covariance: Floats, headings: Floats) -> Floats:
@@ -177,100 +219,3 @@ def _map_variances(covariance: Floats, headings: Floats) -> Floats:
     x = cos**2 * along + sin**2 * across - both
     y = sin**2 * along + cos**2 * across + both
     return np.column_stack([x, y]).clip(min=0.0)  # a singular covariance may round below zero
-
-
-def _moved(mass: Floats, cells: Floats, variances: Floats, turn: float, area: FreeArea) -> Floats:
-    """Mass (H, X, Y) after each layer's own shift (H, 2) [cells] and blur (H, 2) [cells^2], and a blur of the heading.
-
-    What leaves the free area or would cross a wall is lost. The heading's variance ``turn`` is in layers^2.
-    """
-    shape = np.array(area.free.shape)
-    shifts = np.clip(cells, -shape, shape).astype(np.int64).tolist()
-    taps_x, taps_y = (_taps(variances[:, axis], shape[axis] - 1) for axis in (0, 1))
-    around = [(layers, share) for layers, share in enumerate(_ring(turn, len(mass)).tolist()) if share > 0.0]
-    lines, free = _Lines(area, gap=taps_y.shape[1] - 1), area.free.astype(np.float64)
-    moved = np.zeros((len(mass), free.size))
-    for layer, shift in enumerate(shifts):
-        line = lines.shifted(mass[layer], *shift)
-        line = lines.blurred(line, taps_x[layer], 0)
-        line = lines.blurred(line, taps_y[layer], 1)
-        arrived = (lines.layer(line) * free).reshape(-1)
-        for layers, share in around:
-            daxpy(arrived, moved[(layer + layers) % len(mass)], a=share)
-    return moved.reshape(mass.shape)
-
-
-class _Lines:
-    """Layers (X, Y) as lines, which take part in a sum as a whole, however they are shifted.
-
-    In a line a gap of empty cells follows each row, so that along y nothing runs over into the next row: a blur along
-    y ends in the gap, so it comes last. A step along y is one cell of the line, a step along x a row and its gap.
-
-    Args:
-        area: whose walls count.
-        gap: the longest step along y that a blur takes [cells].
-    """
-
-    def __init__(self, area: FreeArea, gap: int) -> None:
-        self._area = area
-        self._columns, self._rows = area.free.shape
-        self._gap = gap
-        self._passages = cache(self._passage)
-
-    def shifted(self, layer: Floats, columns: int, rows: int) -> Floats:
-        """The line of a layer (X, Y) moved by whole cells, not through walls; what leaves the grid is lost."""
-        line = np.zeros((self._columns, self._rows + self._gap))
-        line[_into(columns), : self._rows][:, _into(rows)] = layer[_into(-columns), _into(-rows)]
-        if self._area.has_walls and (columns or rows):
-            line[:, : self._rows] *= self._area.passage(columns, rows)
-        return line.reshape(-1)
-
-    def blurred(self, line: Floats, taps: Floats, axis: int) -> Floats:
-        """A line blurred along x (0) or y (1), not through walls, by half a symmetric kernel, its middle first."""
-        blurred: Floats = taps[0] * line
-        for lag in (np.flatnonzero(taps[1:]) + 1).tolist():
-            step = lag * (self._rows + self._gap if axis == 0 else 1)
-            ahead, back = line[:-step], line[step:]
-            if self._area.has_walls:
-                ahead = ahead * self._passages(lag, axis)[step:]
-                back = back * self._passages(-lag, axis)[:-step]
-            daxpy(ahead, blurred[step:], a=taps[lag])
-            daxpy(back, blurred[:-step], a=taps[lag])
-        return blurred
-
-    def layer(self, line: Floats) -> Floats:
-        """The layer (X, Y) of a line."""
-        layer: Floats = line.reshape(self._columns, -1)[:, : self._rows]
-        return layer
-
-    def _passage(self, lag: int, axis: int) -> np.ndarray:
-        """Which cells of a line a step along an axis can reach."""
-        passage = self._area.passage(*((lag, 0) if axis == 0 else (0, lag)))
-        return np.pad(passage, ((0, 0), (0, self._gap))).reshape(-1)
-
-
-def _into(cells: int) -> slice:
-    """Where an axis lands that moves by whole cells; by the opposite: what of it does not leave."""
-    return slice(max(cells, 0), min(cells, 0) or None)
-
-
-def _taps(variances: Floats, longest: int) -> Floats:
-    """Halves (H, R + 1), the middle first, of symmetric kernels with variances (H,) in cells^2; R <= longest.
-
-    Sampled Gaussians; below half a cell^2, where sampling would miss the variance, the three taps that have it.
-    """
-    reach = int(np.clip(np.ceil(4.0 * np.sqrt(variances.max())), 1, longest))
-    lags = np.arange(reach + 1)
-    variance = variances[:, None]
-    three = np.where(lags == 0, 1.0 - variance, np.where(lags == 1, variance / 2.0, 0.0))
-    gauss = np.exp(-(lags**2) / (2.0 * np.maximum(variance, 0.5)))
-    whole = 2.0 * gauss.sum(axis=1, keepdims=True) - 1.0
-    return np.where(variance < 0.5, three, gauss / whole)
-
-
-def _ring(variance: float, count: int) -> Floats:
-    """Share (count,) of a layer's mass that a blur of the heading takes so many layers on; variance in layers^2."""
-    taps = _taps(np.array([min(variance, float(count) ** 2)]), 4 * count)[0]  # at a full circle all is even anyway
-    lags = np.arange(len(taps))
-    ahead = np.bincount(lags % count, weights=taps, minlength=count)
-    return np.asarray(ahead + np.bincount(-lags[1:] % count, weights=taps[1:], minlength=count))

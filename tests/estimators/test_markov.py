@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from estimators import markov, shifting, windows
 from estimators.free_area import FreeArea
+from estimators.likelihood_field import LikelihoodField
 from estimators.markov import MarkovGrid
 from topoloc.estimate import mean_and_covariance, node_masses
 from topoloc.geometry import compose, rotate
@@ -163,7 +165,38 @@ def test_predict_carries_each_cell_on_its_own(topo_map: TopoMap, noise: tuple[fl
         np.testing.assert_allclose(grid._mass, expected, atol=1e-15)
 
 
-def test_a_step_needs_little_more_memory_than_the_new_belief() -> None:
+@pytest.mark.parametrize("few_cells", [0, 1000], ids=["lines", "products"])
+@pytest.mark.parametrize("noise", [(0.0, 0.0, 0.0), (0.1, 0.05, 0.1), (0.45, 0.45, 0.3), (0.6, 0.6, 2.0)])
+def test_both_ways_carry_each_cell_on_its_own(
+    few_cells: int, noise: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shifting, "FEW_CELLS", few_cells)
+    grid = MarkovGrid()
+    start = WeightedPoses(np.array([[0.1, 0.4, 0.3], [1.9, -0.3, -2.0]]), np.log([0.3, 0.7]), np.array([0.1, 0.1, 0.1]))
+    grid.reset(toy_map(), np.random.default_rng(0), start)
+    motion = Motion(np.array([0.8, -0.3, 0.2]), np.diag(np.square(noise)))
+    expected = cell_by_cell(grid, motion)
+    grid.predict(motion)
+    np.testing.assert_allclose(grid._mass, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("noise", [(0.1, 0.05, 0.1), (0.45, 0.45, 0.3)])
+@pytest.mark.parametrize("topo_map", [toy_map(), BACK_TO_BACK], ids=lambda topo_map: topo_map.name)
+def test_tiles_carry_each_cell_on_its_own(
+    topo_map: TopoMap, noise: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shifting, "FEW_CELLS", 0)
+    monkeypatch.setattr(windows, "TILE", 4)
+    monkeypatch.setattr(shifting, "reachable", windows.tiles)
+    grid = grid_at((0.6, 0.4, 0.3), topo_map, headings=8)
+    for delta in ([0.8, -0.3, 0.2], [-0.4, 0.3, -1.0]):
+        motion = Motion(np.array(delta), np.diag(np.square(noise)))
+        expected = cell_by_cell(grid, motion)
+        grid.predict(motion)
+        np.testing.assert_allclose(grid._mass, expected, atol=1e-15)
+
+
+def test_a_step_needs_little_memory_beside_the_belief() -> None:
     grid = grid_at((0.0, 0.0, 0.0), resolution_m=0.05)
     motion = Motion(np.array([0.2, 0.1, 0.1]), np.diag([0.01, 0.01, 0.01]))
     seen = evidence_for(HALL, (0.0, 0.0, 0.0))
@@ -172,7 +205,7 @@ def test_a_step_needs_little_more_memory_than_the_new_belief() -> None:
         step()
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
-        assert peak < 1.5 * grid._mass.nbytes  # one new belief, and a few of its 24 layers
+        assert peak < 0.5 * grid._mass.nbytes  # a few of its 24 layers
 
 
 @pytest.mark.parametrize("variance", [25.0, 1e4, 1e8])
@@ -216,6 +249,73 @@ def test_update_is_bayes_rule() -> None:
     posterior = joint / joint.sum()
     np.testing.assert_allclose(after.weights, posterior[named] / posterior[named].sum(), atol=1e-12)
     assert posterior[~named].sum() < 1e-3
+
+
+def joint(grid: MarkovGrid, evidence: Evidence) -> np.ndarray:
+    """(H, X, Y) P(v | s) P'(s) of every cell that is free, by (3.11) as it stands, with recovery."""
+    area, layers = grid._area, len(grid._mass)
+    recovery, products = grid.config.recovery, np.zeros_like(grid._mass)
+    for layer, column, row in zip(*np.nonzero(np.broadcast_to(area.free, products.shape)), strict=True):
+        place = np.array([[area.xs[column], area.ys[row]]]) + grid._offsets[layer]
+        likelihood = np.exp(evidence.log_likelihood(place, [[grid._headings[layer]]]))[0, 0]
+        predicted = (1.0 - recovery) * grid._mass[layer, column, row] + recovery / (layers * area.free.sum())
+        products[layer, column, row] = likelihood * predicted
+    return products
+
+
+@pytest.mark.parametrize("log_floor", [-4.0, -200.0, -np.inf])
+@pytest.mark.parametrize("tile", [3, 1000])
+@pytest.mark.parametrize("recovery", [0.0, 0.02])
+def test_update_multiplies_cell_by_cell(
+    log_floor: float, tile: int, recovery: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(windows, "TILE", tile)
+    monkeypatch.setattr(markov, "MANY", 0)
+    monkeypatch.setattr(markov, "CACHED", 200)  # some layers at a time
+    grid = grid_at((0.3, 0.2, 0.4), toy_map(), headings=8, recovery=recovery)
+    grid.predict(Motion(np.array([0.1, 0.1, 0.1]), np.diag([0.5, 0.5, 4.0])))
+    evidence = replace(evidence_for(toy_map(), (1.0, 0.0, 0.5), log_floor=log_floor), sigma=np.full(6, 0.05))
+    expected = joint(grid, evidence)
+    log_evidence = grid.update(evidence)
+    assert log_evidence == pytest.approx(np.log(expected.sum()), abs=1e-11)
+    np.testing.assert_allclose(grid._mass, expected / expected.sum(), rtol=1e-11, atol=1e-15)
+
+
+@pytest.mark.parametrize("kappa", [0.0, 4.0, 1e6])
+def test_field_is_the_likelihood_of_the_evidence(kappa: float) -> None:
+    rng = np.random.default_rng(3)
+    poses = rng.uniform([0.0, 0.0, -np.pi], [60.0, 60.0, np.pi], (300, 3))
+    some = evidence_for(toy_map(), (0.0, 0.0, 0.0))
+    chosen = rng.integers(6, size=300)
+    parts = {name: getattr(some, name)[chosen] for name in ("nodes", "match", "distance")}
+    evidence = Evidence(
+        poses,
+        **parts,
+        log_likelihoods=rng.normal(0.0, 2.0, 300),
+        sigma=rng.uniform(0.2, 1.0, 300),
+        kappa=np.full(300, kappa),
+        log_floor=-1.5,
+    )
+    field = LikelihoodField.of(evidence)
+    assert field is not None
+    xs, ys, heading = np.arange(20.0, 24.0, 0.25), np.arange(30.0, 33.0, 0.25), np.array([0.4])
+    near = field.near(xs, ys, 0.0)
+    assert 0 < len(near.weights) < 60
+    expected = [[evidence.log_likelihood([[x, y]], [heading])[0, 0] for y in ys] for x in xs]
+    log_values = np.log(near.at(xs[None], ys[None], heading)[0]) + near.log_unit
+    np.testing.assert_allclose(log_values, expected, atol=1e-11)
+
+
+def test_windows_leave_out_what_cannot_be_reached() -> None:
+    side = windows.TILE
+    free = np.zeros((3 * side, 2 * side + 5), dtype=bool)
+    free[:side, 7] = free[-1, -1] = True
+    some = windows.reachable(free)
+    assert len(some) == 2
+    assert sum(free[window].sum() for window in some) == free.sum()
+    full = np.ones_like(free)
+    assert windows.reachable(full) == windows.whole(full)
+    assert sum(full[window].size for window in windows.tiles(full)) == full.size
 
 
 def test_impossible_evidence_leaves_the_belief_as_predicted() -> None:
