@@ -1,7 +1,8 @@
 """Times of the sensors that compare with views, on a map of 4000: ``python -m benchmarks.sensor_speed``.
 
-Processor time of one thread, medians: of a picture's descriptor, of its distances to those of all views, and of a whole
-look. Pictures are noise, blurred; what they show does not matter to the time.
+Processor time of one thread, medians: of a picture's descriptor, of its distances to those of all views, of a whole
+look, and of one of many that are taken together. Pictures are noise, blurred: for ``histogram`` all views are then
+about as far, so that it compares more of them exactly than on a real map.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from sensors.view_sensor import ViewSensor
 from topoloc.topo_map import Camera, Node, TopoMap, View
 from topoloc.types import Frame, Image
 
-VIEWS, REPEATS = 4000, 50
+VIEWS, REPEATS, TOGETHER = 4000, 50, 50
+"""Of the map, of each measurement, and looks that are taken together."""
 FRAME, CIRCLE = (288, 384), (56, 256)
 """Rows and columns of a frame, and of a full circle as in the third seed."""
 
@@ -62,16 +64,22 @@ def median_ms(what: Callable[[], Any]) -> float:
     return float(np.median(times))
 
 
-def times_of(sensor: ViewSensor, topo_map: TopoMap, frame: Frame) -> tuple[float, float, float]:
-    """Of a descriptor, of its distances to all views', and of a whole look [ms]."""
+def times_of(sensor: ViewSensor, topo_map: TopoMap, frame: Frame) -> tuple[float, ...]:
+    """Of a descriptor, of its distances to all views', and of a whole look, alone and of many together [ms]."""
     sensor.fit(topo_map)
     known = np.stack([sensor.describe({"rgb": view.image}) for view in topo_map.views])
     made = sensor.describe(frame.images)[None]
     return (
         median_ms(partial(sensor.describe, frame.images)),
         median_ms(partial(sensor.distances, made, known)),
-        median_ms(partial(sensor.observe, frame)),
+        *looks_ms(sensor, frame),
     )
+
+
+def looks_ms(sensor: ViewSensor | FourierSignature, frame: Frame) -> tuple[float, float]:
+    """Of a look, alone and of many together [ms]."""
+    together = median_ms(partial(sensor.observe_many, [frame] * TOGETHER)) / TOGETHER
+    return median_ms(partial(sensor.observe, frame)), together
 
 
 def main() -> None:
@@ -79,14 +87,15 @@ def main() -> None:
     rng = np.random.default_rng(0)
     views, circles = map_of_views(rng), map_of_circles(rng)
     frame = Frame(0.0, None, np.zeros(3), {"rgb": picture(rng, FRAME), "omni": picture(rng, CIRCLE)})
-    print(f"{'sensor':12} {'descriptor':>11} {'distances':>11} {'look':>11}  (ms; {VIEWS} views, one thread)")
+    heads = "".join(f"{head:>12}" for head in ("descriptor", "distances", "look", "of many"))
+    print(f"{'sensor':12}{heads}  (ms; {VIEWS} views, one thread)")
     cv2.setNumThreads(1)
     with threadpool_limits(1):
         for sensor in (PCAMap(), ColorHistogram(), Descriptor()):
-            print(f"{sensor.name:12} " + " ".join(f"{value:11.2f}" for value in times_of(sensor, views, frame)))
+            print(f"{sensor.name:12}" + "".join(f"{value:12.2f}" for value in times_of(sensor, views, frame)))
         fourier = FourierSignature()
         fourier.fit(circles)
-        print(f"{'fourier':12} {'':>11} {'':>11} {median_ms(partial(fourier.observe, frame)):11.2f}")
+        print(f"{'fourier':12}{'':24}" + "".join(f"{value:12.2f}" for value in looks_ms(fourier, frame)))
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 from scipy.special import i0e
 
+from sensors.nearest import smallest_of
 from topoloc.geometry import Floats
 from topoloc.types import Ints
 
@@ -41,6 +42,9 @@ BEST_QUANTILE = 0.75
 """Of the best scores of held-out views: beyond, nothing is known."""
 MOST_QUERIES, MOST_PAIRS = 256, 4_000_000
 """Views that are held out, at equal distances through the list, more tell hardly more; and pairs with others."""
+ALL_PAIRS, LEFT_OUT, PART = 4000, 1e-12, 64
+"""Of the density: views of which all pairs are counted, as the last bit can move what is fitted by a per cent where
+kappa reaches its bound; share of more that may be left out; and views that are counted around together."""
 FEWEST_POSITIONS = 6
 """Of views, for anything to be told from those that are left when one is held out."""
 SAME_PLACE = 0.3
@@ -139,20 +143,45 @@ def log_density(poses: Floats, sigma: float, kappa: float) -> Floats:
     So a corner photographed twice changes nothing (EQUATIONS.md, 4). That text asks for a mean of 1 as well; but then
     copies of some views would scale all the others, so the constant stays in, for the level to absorb.
 
+    Of more than ``ALL_PAIRS`` views those out of reach are left out, all together less than ``LEFT_OUT`` of what is
+    around any view, which has at least itself: so time goes with the views in reach, not with all pairs.
+
     Args:
         poses: (V, 3).
         sigma: width of the position kernel [m].
         kappa: concentration of the heading kernel.
     """
+    around = _around_in_reach if len(poses) > ALL_PAIRS else _around
+    return np.asarray(np.log(around(poses, sigma, kappa)))
+
+
+def _around(poses: Floats, sigma: float, kappa: float) -> Floats:
+    """Sums (V,) of both kernels over all views, as they stand."""
     around = np.empty(len(poses))
-    step = max(1, MOST_PAIRS // len(poses))  # so that memory does not grow with the square of the views
+    step = max(1, MOST_PAIRS // len(poses))
     for first in range(0, len(poses), step):
         some = poses[first : first + step]
         exponents = cdist(some[:, :2], poses[:, :2], "sqeuclidean") / (-2.0 * sigma**2)
         if kappa > 0.0:
             exponents += kappa * (np.cos(some[:, None, 2] - poses[None, :, 2]) - 1.0)
         around[first : first + step] = np.exp(exponents).sum(axis=1)
-    return np.asarray(np.log(around))
+    return around
+
+
+def _around_in_reach(poses: Floats, sigma: float, kappa: float) -> Floats:
+    """The same over the views in reach: for points in four dimensions both kernels together are exp(-|apart|^2 / 2)."""
+    turned = np.sqrt(kappa) * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    points = np.concatenate([(poses[:, :2] - poses[:, :2].mean(axis=0)) / sigma, turned], axis=1)
+    reach = np.sqrt(2.0 * np.log(len(points) / LEFT_OUT))
+    tree = cKDTree(points, leafsize=PART)
+    around = np.empty(len(points))
+    for first in range(0, len(points), PART):
+        part = tree.indices[first : first + PART]  # in the order of the leaves: views that stand together
+        middle = points[part].mean(axis=0)
+        radius = np.linalg.norm(points[part] - middle, axis=1).max()
+        near = np.sort(tree.query_ball_point(middle, radius + reach))
+        around[part] = np.exp(-0.5 * cdist(points[part], points[near], "sqeuclidean")).sum(axis=1)
+    return around
 
 
 def log_density_of_cuts(poses: Floats, sigma: float, kappa: float) -> Floats:
@@ -217,8 +246,8 @@ def held_out(
     if count < 1:
         return None
     left = np.where(own, np.inf, distances)
-    nearest = np.argsort(left, axis=1, kind="stable")[:, :count]
-    scores = score(np.take_along_axis(left, nearest, axis=1))
+    nearest, smallest = smallest_of(left, count)
+    scores = score(smallest)
     away, turn = np.take_along_axis(apart, nearest, axis=1), poses[nearest, 2] - poses[rows, None, 2]
     return nearest, Queries(scores, np.zeros(scores.shape), away, turn)
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sensors.images import MOST_COLUMNS, Views, grey, resize
+from sensors.nearest import Cosine, Euclid, Search
 from sensors.onnx_model import OnnxModel, Runtime
 from sensors.precomputed import FrameVectors, read_vectors
 from sensors.view_sensor import Pictures, ViewConfig, ViewSensor
@@ -144,23 +145,37 @@ class Descriptor(ViewSensor):
 
     def distances(self, queries: Any, others: Any) -> Floats:
         """Distances (Q, V) between vectors (Q, D) and (V, D) as ``describe`` gives them: one product of matrices."""
-        if queries.shape[1] != others.shape[1]:
-            raise UserError(
-                f"a descriptor has {queries.shape[1]} numbers, and those of the map's views {others.shape[1]}; "
-                "make both by the same model from pictures of one size"
-            )
         products = queries @ others.T
         if self.config.distance == "cosine":
             return np.asarray(np.maximum(1.0 - products.astype(np.float64), 0.0))
         squares = [np.einsum("nd,nd->n", some, some) for some in (queries, others)]
         return np.asarray(np.sqrt(np.maximum(squares[0][:, None] + squares[1] - 2.0 * products, 0.0)))
 
-    def observe(self, frame: Frame) -> Evidence:
-        """The nearest views as hypotheses; blind for a picture without contrast."""
+    def observe_many(self, frames: Sequence[Frame]) -> list[Evidence]:
+        """What ``observe`` says of each frame, but for rounding; comparing all with the views at once is faster."""
         if self._map_rows is None or self._views is None:
-            return super().observe(frame)
+            return super().observe_many(frames)
+        return super().observe_many([self._with_vector(frame) for frame in frames])
+
+    def _with_vector(self, frame: Frame) -> Frame:
         row = self._frame_rows.at(frame.timestamp)
-        return super().observe(replace(frame, images={"rgb": frame.images["rgb"], VECTOR: row}))
+        return replace(frame, images={"rgb": frame.images["rgb"], VECTOR: row})
+
+    def _key(self) -> object:
+        """Of the small grey picture: nobody knows what a function does, and a model's weights can lie anywhere."""
+        return (1, self.config.distance, self.config.columns) if self._function == self._small else None
+
+    def _search_of(self, descriptors: Any) -> Search:
+        return Cosine(descriptors) if self.config.distance == "cosine" else Euclid(descriptors)
+
+    def _seen(self, pictures: Pictures) -> Any:
+        seen = super()._seen(pictures)
+        if seen is not None and len(seen) != self._descriptors.shape[1]:
+            raise UserError(
+                f"a descriptor has {len(seen)} numbers, and those of the map's views {self._descriptors.shape[1]}; "
+                "make both by the same model from pictures of one size"
+            )
+        return seen
 
     def _views_of(self, topo_map: TopoMap) -> Views:
         views = super()._views_of(topo_map)

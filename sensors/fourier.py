@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
 from sensors.homomorphic import HomomorphicConfig, Pixels32, homomorphic
-from sensors.images import MOST_COLUMNS, camera_on_nodes, grey, resize
+from sensors.images import MOST_COLUMNS, camera_on_nodes, deviation, grey, resize
+from sensors.nearest import Euclid
 from sensors.neighbourhood import BASE_MATCH, NeighbourConfig, Neighbourhood, Weighting
 from topoloc.errors import UserError
 from topoloc.geometry import Floats, wrap
-from topoloc.topo_map import TopoMap
+from topoloc.map_store import precomputed
+from topoloc.topo_map import Node, TopoMap
 from topoloc.types import Evidence, Frame, Image, Ints
 
 Signatures = NDArray[np.complex64]
@@ -73,7 +76,7 @@ class FourierSignature:
         Raises:
             UserError: the map has no panoramas, or filtered ones, which its frames are not.
         """
-        nodes = [(node, node.panorama) for node in topo_map.nodes if node.panorama is not None]
+        nodes = [node for node in topo_map.nodes if node.has_panorama]
         if not nodes:
             raise UserError(f"map {topo_map.name!r}: fourier compares panoramas, and no node has one; add some")
         if topo_map.filtered:
@@ -83,30 +86,54 @@ class FourierSignature:
             )
         camera = topo_map.camera
         self._size = _size(self.config.columns, camera.height, camera.panorama_columns())
-        self._poses = np.array([(node.x, node.y, node.heading) for node, _ in nodes])
-        self._signatures = np.stack([self._signature(panorama, self._size) for _, panorama in nodes])
-        self._moduli = Moduli.of(self._signatures)
+        self._poses = np.array([(node.x, node.y, node.heading) for node in nodes])
+        key = 1, self.config.columns, self.config.rows, self.config.components, self.config.homomorphic
+        known = precomputed(topo_map, "fourier", key, lambda: {"signatures": self._signatures_of(nodes)})
+        self._signatures: Signatures = known["signatures"]
+        self._moduli = Moduli(self._signatures)
         self._neighbourhood = Neighbourhood(topo_map, self._poses, self._between, self.config, with_heading=False)
 
     def observe(self, frame: Frame) -> Evidence:
         """The nearest panoramas as hypotheses; blind for a picture without contrast."""
+        return self.observe_many([frame])[0]
+
+    def observe_many(self, frames: Sequence[Frame]) -> list[Evidence]:
+        """What ``observe`` says of each frame; comparing all with the panoramas at once is faster."""
         if self._neighbourhood is None:
             raise RuntimeError("FourierSignature knows no map yet: call fit(topo_map) before observe(frame)")
-        image = frame.images["omni"]
-        if float(grey(image).std()) < self.config.blind_deviation:
-            return Evidence.blind()
-        seen = self._signature(image, self._size)
-        distance = self._moduli.distances(seen[None])[0]
-        chosen = self._neighbourhood.nearest(distance)
-        turned = columns_turned(self._signatures[chosen], seen, self.config.columns)
+        images = [frame.images["omni"] for frame in frames]
+        readable = [deviation(image) >= self.config.blind_deviation for image in images]
+        if not any(readable):
+            return [Evidence.blind() for _ in frames]
+        seen = [self._signature(image, self._size) for image, told in zip(images, readable, strict=True) if told]
+        found = zip(*self._nearest(np.stack(seen)), strict=True)
+        return [
+            self._evidence(*next(found), frame) if told else Evidence.blind()
+            for frame, told in zip(frames, readable, strict=True)
+        ]
+
+    def _nearest(self, seen: Signatures) -> tuple[Ints, Floats, Floats]:
+        """Of Q signatures: the nearest panoramas (Q, J), their distances, and the columns turned since [columns]."""
+        assert self._neighbourhood is not None
+        chosen, distance = self._moduli.nearest(moduli(seen), self._neighbourhood.count)
+        return chosen, distance, columns_turned(self._signatures[chosen], seen[:, None], self.config.columns)
+
+    def _evidence(self, chosen: Ints, distance: Floats, turned: Floats, frame: Frame) -> Evidence:
+        """Of the nearest panoramas (J,), their distances, and the columns turned since, for a frame."""
+        assert self._neighbourhood is not None
         poses = self._camera_poses(chosen, turned * 2.0 * np.pi / self.config.columns, frame.camera)
-        return self._neighbourhood.evidence(chosen, distance[chosen], poses)
+        return self._neighbourhood.evidence(chosen, distance, poses)
 
     def distances_between(self, images: Sequence[Image]) -> Floats:
         """Distances (N, N) of full circles among each other, without a map; all are scaled to the first one's size."""
         size = _size(self.config.columns, *images[0].shape[:2])
         signatures = np.stack([self._signature(image, size) for image in images])
-        return Moduli.of(signatures).distances(signatures)
+        return Moduli(signatures).distances(signatures)
+
+    def _signatures_of(self, nodes: Sequence[Node]) -> Signatures:
+        """(V, rows, components) of nodes that have panoramas."""
+        panoramas = (node.panorama for node in nodes)
+        return np.stack([self._signature(panorama, self._size) for panorama in panoramas if panorama is not None])
 
     def _signature(self, image: Image, size: tuple[int, int]) -> Signatures:
         """(rows, components) of a full circle, scaled to ``size``, rows and columns."""
@@ -129,33 +156,20 @@ class FourierSignature:
         return np.column_stack([cameras[:, :2], wrap(poses[:, 2] + turned)])
 
 
-@dataclass(frozen=True)
-class Moduli:
-    """Moduli of V signatures, ready to be compared with others by one product of matrices.
+class Moduli(Euclid):
+    """Moduli of signatures (V, rows, components), to be compared with those of others: Euclid over all of them."""
 
-    Attributes:
-        centre: (D,) their mean: products of what is left lose fewer digits.
-        centred: (V, D).
-        squared: (V,) squared norms of ``centred``.
-    """
-
-    centre: Pixels32
-    centred: Pixels32
-    squared: Pixels32
-
-    @classmethod
-    def of(cls, signatures: Signatures) -> Moduli:
-        """Of signatures (V, rows, components)."""
-        moduli = np.abs(signatures).reshape(len(signatures), -1)
-        centre = moduli.mean(axis=0)
-        centred = moduli - centre
-        return cls(centre, centred, (centred**2).sum(axis=1))
+    def __init__(self, signatures: Signatures) -> None:
+        super().__init__(moduli(signatures))
 
     def distances(self, signatures: Signatures) -> Floats:
-        """Euclid over rows and components (Q, V) of the moduli, from signatures (Q, rows, components) to these."""
-        queries = np.abs(signatures).reshape(len(signatures), -1) - self.centre
-        squared = self.squared + (queries**2).sum(axis=1)[:, None] - 2.0 * (queries @ self.centred.T)
-        return np.asarray(np.sqrt(np.maximum(squared, 0.0)), dtype=np.float64)
+        """Distances (Q, V) of others (Q, rows, components), by one product of matrices, in float32."""
+        return self.roughly(moduli(signatures))
+
+
+def moduli(signatures: Signatures) -> Pixels32:
+    """(N, rows * components) of signatures (N, rows, components)."""
+    return np.asarray(np.abs(signatures).reshape(len(signatures), -1))
 
 
 def signature(picture: Pixels32, components: int) -> Signatures:
@@ -168,25 +182,24 @@ def signature(picture: Pixels32, components: int) -> Signatures:
 
 
 def columns_turned(references: Signatures, seen: Signatures, columns: int) -> Floats:
-    """By how many columns (V,) a full circle is shifted to the right against others, in [-0.5, columns - 0.5].
+    """By how many columns (...) full circles are shifted to the right against others, in [-0.5, columns - 0.5].
 
     That is how far the robot has turned counter-clockwise since they were taken, in columns: columns run clockwise.
     The shift q is where Re sum_rows sum_{1 <= k < F} A_k conj(B_k) exp(-2 pi i k q / N) is largest (EQUATIONS.md, 3;
     ours): one inverse FFT gives every q, a parabola through the best and its neighbours the part of a column.
 
     Args:
-        references: (V, rows, components), A.
-        seen: (rows, components), B.
+        references: (..., rows, components), A.
+        seen: (..., rows, components), B; shapes are broadcast.
         columns: N of the circle.
     """
-    cross = np.einsum("vrk,rk->vk", references.conj(), seen)
-    cross[:, 0] = 0.0  # the mean says nothing of the heading
-    match = fft.irfft(cross, columns, axis=1)
-    best = match.argmax(axis=1)
-    row = np.arange(len(best))
-    before, peak, after = (match[row, (best + step) % columns] for step in (-1, 0, 1))
+    cross = np.einsum("...rk,...rk->...k", references.conj(), seen)
+    cross[..., 0] = 0.0  # the mean says nothing of the heading
+    match = fft.irfft(cross, columns, axis=-1)
+    best = match.argmax(axis=-1)[..., None]
+    before, peak, after = (np.take_along_axis(match, (best + step) % columns, axis=-1)[..., 0] for step in (-1, 0, 1))
     bend = np.maximum(2.0 * peak - before - after, np.finfo(np.float32).tiny)
-    return np.asarray(best + 0.5 * (after - before) / bend, dtype=np.float64)
+    return np.asarray(best[..., 0] + 0.5 * (after - before) / bend, dtype=np.float64)
 
 
 def averaged(picture: Pixels32, rows: int) -> Pixels32:
@@ -195,13 +208,15 @@ def averaged(picture: Pixels32, rows: int) -> Pixels32:
     Where R is no multiple of ``rows``, a row that lies on a border counts on both sides by its share.
     """
     height = len(picture)
-    if height <= rows:
-        return picture
-    edges = np.arange(rows + 1) * height / rows
-    total = np.concatenate([np.zeros((1, picture.shape[1]), np.float64), np.cumsum(picture, axis=0, dtype=np.float64)])
-    whole = np.minimum(edges.astype(np.int64), height - 1)
-    sums = total[whole] + (edges - whole)[:, None] * picture[whole]
-    return np.asarray(np.diff(sums, axis=0) * rows / height, dtype=np.float32)
+    return picture if height <= rows else np.asarray(_shares(height, rows) @ picture)
+
+
+@lru_cache(maxsize=8)
+def _shares(height: int, rows: int) -> Pixels32:
+    """(rows, height), what each of ``height`` rows counts for in each of ``rows`` averages."""
+    edges = np.arange(rows + 1)[:, None] * height / rows
+    covered = np.clip(edges - np.arange(height), 0.0, 1.0)  # of each row, above each edge
+    return np.asarray(np.diff(covered, axis=0) * rows / height, dtype=np.float32)
 
 
 def _size(columns: int, height: int, width: int) -> tuple[int, int]:

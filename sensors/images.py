@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import cv2
 import numpy as np
 
+from sensors.lazy import Lazy
 from topoloc.geometry import Floats, compose, wrap
-from topoloc.topo_map import Camera, TopoMap, View
+from topoloc.pictures import held_in
+from topoloc.topo_map import Camera, Node, TopoMap, View
 from topoloc.types import Image, Ints
 
 MOST_COLUMNS = 2048
 """That a sensor scales pictures to; more would fill memory, and tell nothing more of places."""
 VIEW_STEP_DEG = 15.0
-"""Where a map has no training views, one is cut from each panorama every so many degrees."""
+CUTS = round(360.0 / VIEW_STEP_DEG)
+"""Where a map has no training views, so many are cut from each panorama, one every ``VIEW_STEP_DEG`` degrees."""
 
 
 def grey(image: Image) -> Image:
@@ -24,6 +28,11 @@ def grey(image: Image) -> Image:
     if image.ndim == 2:
         return image
     return _image(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
+
+
+def deviation(image: Image) -> float:
+    """Standard deviation of a picture's grey levels: a covered lens has hardly any."""
+    return float(cv2.meanStdDev(grey(image))[1].item())  # a fifth of the time of numpy's
 
 
 def clahe(image: Image, clip_limit: float, tiles: int, hfov_deg: float | None = None) -> Image:
@@ -90,18 +99,19 @@ class Views:
     Attributes:
         poses: (V, 3) where each was taken, heading = optical axis; the camera's for training views, and for cuts the
             node's position, on which the robot's axis stood.
-        images: V of them.
+        images: V of them, which come from the disk when they are asked for where the map's pictures do.
         on_nodes: they are cuts from panoramas.
     """
 
     poses: Floats
-    images: list[Image]
+    images: Sequence[Image]
     on_nodes: bool
 
     def and_more(self, views: Sequence[View]) -> Views:
         """These and further training views."""
         poses = np.concatenate([self.poses, *(view.pose[None] for view in views)])
-        return Views(poses, [*self.images, *(view.image for view in views)], self.on_nodes)
+        images = Lazy(len(poses), partial(_image_of_either, self.images, views))
+        return Views(poses, images, self.on_nodes)
 
     def camera_poses(self, chosen: Ints, mount: Floats) -> Floats:
         """Poses (N, 3) of the camera for the chosen views, of a camera at ``mount`` (3,) on the robot."""
@@ -128,28 +138,51 @@ def views_of(topo_map: TopoMap) -> Views:
     """
     if topo_map.views:
         poses = np.array([view.pose for view in topo_map.views])
-        return Views(poses, [view.image for view in topo_map.views], on_nodes=False)
-    cuts, images = [], []
-    for node in topo_map.nodes:
-        if node.panorama is None:
-            continue
-        for image, heading in cut_views(node.panorama, node.heading, topo_map.camera):
-            cuts.append((node.x, node.y, heading))
-            images.append(image)
+        return Views(poses, Lazy(len(poses), partial(_image_of_either, (), topo_map.views)), on_nodes=False)
+    nodes = [node for node in topo_map.nodes if node.has_panorama]
+    cuts = [(node.x, node.y, axis) for node in nodes for axis in _axes_on(node, topo_map.camera)]
+    images = Lazy(len(cuts), partial(_cut_of, nodes, topo_map.camera))
     return Views(np.array(cuts).reshape(-1, 3), images, on_nodes=True)
+
+
+def _image_of_either(known: Sequence[Image], views: Sequence[View], index: int) -> Image:
+    """The picture of an index, counted through both."""
+    return known[index] if index < len(known) else views[index - len(known)].image
+
+
+def _axes_on(node: Node, camera: Camera) -> list[float]:
+    """Headings of the cuts from a node's panorama, which is not decoded [rad]."""
+    panorama = held_in(node, "panorama")
+    assert panorama is not None  # such nodes were left out
+    return [_axis(panorama.shape[1], node.heading, camera, step) for step in range(CUTS)]
+
+
+def _cut_of(nodes: Sequence[Node], camera: Camera, index: int) -> Image:
+    """The cut of an index, counted through all nodes."""
+    return _cut(nodes[index // CUTS].panorama, camera, index % CUTS)
 
 
 def cut_views(panorama: Image, heading: float, camera: Camera) -> list[tuple[Image, float]]:
     """Windows of a panorama, one frame wide, every ``VIEW_STEP_DEG``, with the heading of their middle [rad]."""
-    columns = panorama.shape[1]
-    width = round(columns * camera.hfov_deg / 360.0)
-    cuts = []
-    for step in range(round(360.0 / VIEW_STEP_DEG)):
-        left = round(step * VIEW_STEP_DEG / 360.0 * columns)
-        window = panorama[:, np.arange(left, left + width) % columns]
-        axis = heading - (left + width / 2.0) * 2.0 * np.pi / columns
-        cuts.append((_image(np.ascontiguousarray(window)), float(wrap(axis))))
-    return cuts
+    axes = (_axis(panorama.shape[1], heading, camera, step) for step in range(CUTS))
+    return [(_cut(panorama, camera, step), axis) for step, axis in enumerate(axes)]
+
+
+def _cut(panorama: Any, camera: Camera, step: int) -> Image:
+    """The window of a step."""
+    left, width = _window(panorama.shape[1], camera, step)
+    return _image(np.ascontiguousarray(panorama[:, np.arange(left, left + width) % panorama.shape[1]]))
+
+
+def _axis(columns: int, heading: float, camera: Camera, step: int) -> float:
+    """Heading of the middle of the window of a step, in a panorama of so many columns [rad]."""
+    left, width = _window(columns, camera, step)
+    return float(wrap(heading - (left + width / 2.0) * 2.0 * np.pi / columns))
+
+
+def _window(columns: int, camera: Camera, step: int) -> tuple[int, int]:
+    """First column and width of the window of a step, in a panorama of so many columns."""
+    return round(step * VIEW_STEP_DEG / 360.0 * columns), round(columns * camera.hfov_deg / 360.0)
 
 
 def _image(array: Any) -> Image:

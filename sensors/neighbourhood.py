@@ -81,6 +81,7 @@ class Neighbourhood:
 
     Attributes:
         nodes: (V,) node of each view.
+        count: J, views that become hypotheses.
         wrong: distance of a match of 0.5.
         scale: from score to log-likelihood.
 
@@ -100,6 +101,7 @@ class Neighbourhood:
     ) -> None:
         self.config = config
         self.nodes = topo_map.nearest_node(poses[:, :2])
+        self.count = min(config.neighbours or len(poses), len(poses))
         rows = spread_out(len(poses), most_queries)
         between = distances(rows)
         if len(poses) > 1 and not between.any():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,7 +13,9 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from sensors.images import MOST_COLUMNS, PREPROCESSING, grey, resize
+from sensors.nearest import Euclid, Search
 from sensors.view_sensor import Pictures, ViewConfig, ViewSensor
+from topoloc.array_folder import Arrays
 from topoloc.errors import UserError
 from topoloc.geometry import Floats
 from topoloc.topo_map import View
@@ -24,6 +27,11 @@ if TYPE_CHECKING:
 Preprocessing = Literal["plain", "equalised", "gradient", "clahe"]
 BATCH = 256
 """Views that the incremental PCA takes in at a time."""
+STATE = (
+    *("components_", "mean_", "singular_values_", "explained_variance_", "explained_variance_ratio_"),
+    *("noise_variance_", "n_components_", "n_samples_seen_", "var_"),
+)
+"""Attributes of a fitted basis."""
 
 
 @dataclass(frozen=True)
@@ -68,15 +76,15 @@ class PCAMap(ViewSensor):
     Config = PCAMapConfig
     name = "pca"
     config: PCAMapConfig
-    _basis: PCA | IncrementalPCA | None = None
     _shape: tuple[int, int]
+    _learnt: Arrays | None = None
 
     @property
-    def basis(self) -> PCA | IncrementalPCA:
+    def basis(self) -> IncrementalPCA:
         """scikit-learn's, once fitted: ``components_`` (features, pixels), ``mean_`` (pixels,)."""
-        if self._basis is None:
+        if self._learnt is None:
             raise RuntimeError("PCAMap knows no views yet: call fit(topo_map) first")
-        return self._basis
+        return _basis_of(self._learnt)
 
     def describe(self, pictures: Pictures) -> Floats:
         """Features (features,) of a frame's picture: its projection (1), the views' mean taken off."""
@@ -85,6 +93,16 @@ class PCAMap(ViewSensor):
     def distances(self, queries: Floats, others: Floats) -> Floats:
         """Euclidean distances (Q, V) between features (Q, features) and (V, features)."""
         return np.asarray(cdist(queries, others))
+
+    def _search_of(self, descriptors: Floats) -> Search:
+        return Euclid(descriptors)
+
+    def _seen_many(self, looks: Sequence[Pictures]) -> list[Floats | None]:
+        """All pictures are projected by one product."""
+        readable = [not self._is_blind(pictures) for pictures in looks]
+        prepared = [self._prepared(pictures) for pictures, told in zip(looks, readable, strict=True) if told]
+        features = iter(self._projected(np.stack(prepared)) if prepared else ())
+        return [next(features) if told else None for told in readable]
 
     def extend(self, views: Sequence[View]) -> None:
         """Take in further views of the fitted map while the robot drives; the basis moves along.
@@ -99,13 +117,18 @@ class PCAMap(ViewSensor):
         if not views:
             return
         pictures: list[Pictures] = [{"rgb": view.image} for view in views]
-        old, grown = self.basis, _as_incremental(self.basis)
+        old, grown = self.basis, self.basis
         for batch in _batches(pictures):
-            grown.partial_fit(np.stack([self._prepared(one) for one in batch]))
-        self._basis = grown
+            grown.partial_fit(self._all_prepared(batch))
+        self._take(_state_of(grown))
         kept = self._projected(old.inverse_transform(self._descriptors))
-        self._descriptors = np.concatenate([kept, *(self.describe(one)[None] for one in pictures)])
+        self._descriptors = np.concatenate([kept, self._projected(self._all_prepared(pictures))])
         self._settle(self._topo_map, self._views.and_more(views))
+
+    def _key(self) -> object:
+        config = self.config
+        versions = 1, version("scikit-learn")
+        return versions, config.features, config.preprocessing, config.columns, config.memory_mb
 
     def _learn(self, views: Sequence[Pictures]) -> Floats:
         from sklearn.decomposition import PCA, IncrementalPCA
@@ -114,20 +137,41 @@ class PCAMap(ViewSensor):
         self._shape = (max(4, round(self.config.columns * first.shape[0] / first.shape[1])), self.config.columns)
         features = min(self.config.features, len(views), int(np.prod(self._shape)))
         if 4e-6 * len(views) * np.prod(self._shape) <= self.config.memory_mb:
-            prepared = np.stack([self._prepared(one) for one in views])
+            prepared = self._all_prepared(views)
             with np.errstate(invalid="ignore"):  # a single view has no variance
-                self._basis = PCA(features, random_state=0).fit(prepared)
+                self._take(_state_of(PCA(features, random_state=0).fit(prepared)))
             return self._projected(prepared)
-        self._basis = IncrementalPCA(features)
+        basis = IncrementalPCA(features)
         for batch in _batches(views, at_least=features):
-            self._basis.partial_fit(np.stack([self._prepared(one) for one in batch]))
-        return np.stack([self.describe(one) for one in views])
+            basis.partial_fit(self._all_prepared(batch))
+        self._take(_state_of(basis))
+        return np.concatenate([self._projected(self._all_prepared(batch)) for batch in _batches(views)])
+
+    def _state(self) -> Arrays:
+        assert self._learnt is not None  # _learn has run
+        return {**self._learnt, "shape": np.array(self._shape)}
+
+    def _restore(self, known: Arrays) -> None:
+        super()._restore(known)
+        self._shape = (int(known["shape"][0]), int(known["shape"][1]))
+        self._take({name: known[name] for name in STATE})
+
+    def _take(self, learnt: Arrays) -> None:
+        """Project on this basis from now on; in float32 equal pictures would differ by rounding."""
+        self._learnt = learnt
+        self._middle, self._rows = (learnt[name].astype(np.float64) for name in ("mean_", "components_"))
 
     def _projected(self, prepared: NDArray[Any]) -> Floats:
-        """Features (N, features) of prepared views (N, pixels); in float32 equal ones would differ by rounding."""
-        middle, rows = self.basis.mean_.astype(np.float64), self.basis.components_.astype(np.float64)
+        """Features (N, features) of prepared views (N, pixels)."""
         parts = np.array_split(prepared, max(1, len(prepared) // BATCH))
-        return np.concatenate([(part - middle) @ rows.T for part in parts])
+        return np.concatenate([(part - self._middle) @ self._rows.T for part in parts])
+
+    def _all_prepared(self, views: Sequence[Pictures]) -> NDArray[np.float32]:
+        """Of all views (N, pixels), without a second copy of them."""
+        prepared = np.empty((len(views), self._shape[0] * self._shape[1]), dtype=np.float32)
+        for row, pictures in zip(prepared, views, strict=True):
+            row[:] = self._prepared(pictures)
+        return prepared
 
     def _prepared(self, pictures: Pictures) -> NDArray[np.float32]:
         """The picture as a vector z (pixels,), float32, grey levels from 0 to 1."""
@@ -145,15 +189,19 @@ def _batches(views: Sequence[Pictures], at_least: int = 1) -> Iterator[Sequence[
         yield views[first:last]
 
 
-def _as_incremental(basis: PCA | IncrementalPCA) -> IncrementalPCA:
-    """The same basis as one that can take in more: its state is what both publish of a fit."""
+def _state_of(basis: PCA | IncrementalPCA) -> Arrays:
+    """All that can be projected on, and go on from, as both classes publish it."""
+    state = {name: np.array(getattr(basis, name)) for name in STATE if name not in ("n_samples_seen_", "var_")}
+    seen = getattr(basis, "n_samples_seen_", None) or basis.n_samples_
+    varied = getattr(basis, "var_", np.zeros_like(basis.mean_))  # of the pixels; nothing that is used depends on it
+    return {**state, "n_samples_seen_": np.array(seen), "var_": np.array(varied)}
+
+
+def _basis_of(state: Arrays) -> IncrementalPCA:
+    """The same as one that can take in more."""
     from sklearn.decomposition import IncrementalPCA
 
-    grown = IncrementalPCA(basis.n_components_)
-    for name in ("components_", "singular_values_", "mean_", "explained_variance_", "explained_variance_ratio_"):
-        setattr(grown, name, np.array(getattr(basis, name)))
-    seen = getattr(basis, "n_samples_seen_", None) or basis.n_samples_
-    grown.n_components_, grown.n_samples_seen_ = basis.n_components_, np.int64(seen)
-    grown.noise_variance_ = basis.noise_variance_
-    grown.var_ = getattr(basis, "var_", np.zeros_like(basis.mean_))  # of the pixels; nothing that is used depends on it
-    return grown
+    basis = IncrementalPCA(int(state["n_components_"]))
+    for name in STATE:
+        setattr(basis, name, state[name].copy()[()])  # without dimensions: a number
+    return basis

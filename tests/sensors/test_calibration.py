@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sensors import calibration
 from sensors.calibration import (
     Queries,
     Scale,
@@ -95,6 +96,22 @@ def test_density_is_counted_in_parts_as_in_one() -> None:
     turned = np.cos(poses[:, None, 2] - poses[None, :, 2]) - 1.0
     plain = np.log(np.exp(-squared / (2.0 * 0.4**2) + 9.0 * turned).sum(axis=1))
     np.testing.assert_allclose(log_density(poses, 0.4, 9.0), plain)
+
+
+@pytest.mark.parametrize(("sigma", "kappa"), [(0.4, 9.0), (0.4, 0.0), (0.05, 400.0), (30.0, 0.5)])
+@pytest.mark.parametrize("off", [0.0, 5e6])
+def test_density_of_many_views_is_counted_in_reach_alone(
+    sigma: float, kappa: float, off: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As over all pairs: on a wide grid, with copies, with stragglers, at coordinates as surveyors have them."""
+    rng = np.random.default_rng(0)
+    poses = np.concatenate([grid_poses(20, 15, 3), np.repeat(grid_poses(1, 1, 1), 200, axis=0)])
+    poses = poses + rng.normal(size=poses.shape) * [0.1, 0.1, 0.3]
+    poses[:5, :2] += 1e4
+    poses[:, :2] += off
+    plain = log_density(poses, sigma, kappa)
+    monkeypatch.setattr(calibration, "ALL_PAIRS", 10)
+    np.testing.assert_allclose(log_density(poses, sigma, kappa), plain, rtol=0.0, atol=1e-11)
 
 
 def test_spacing_and_steps_of_a_grid() -> None:

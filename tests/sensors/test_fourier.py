@@ -88,7 +88,7 @@ def test_the_signature_is_the_formula() -> None:
 
 def test_the_distance_is_euclid_over_rows_and_components_of_the_moduli() -> None:
     signatures = np.stack([signature(picture(k).astype(np.float32), 7) for k in range(5)])
-    found = Moduli.of(signatures).distances(signatures)
+    found = Moduli(signatures).distances(signatures)
     for i in range(5):
         for j in range(5):
             total = 0.0

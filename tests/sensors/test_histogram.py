@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -121,6 +122,22 @@ def test_each_band_of_a_picture_is_a_histogram() -> None:
     histograms = made[: BANDS * bins].reshape(BANDS, bins)
     np.testing.assert_allclose(histograms.sum(axis=1), 1.0, atol=1e-5)
     np.testing.assert_array_equal(histograms.argmax(axis=1), [0, bins * 100 // 256, bins - 1, bins - 1, 0, 0])
+
+
+@pytest.mark.parametrize("bins", [2, 24, 300])
+def test_bins_are_those_of_each_pixels_shares(bins: int) -> None:
+    """Pixel by pixel; hue 180, as OpenCV rounds it for some reds, is hue 0."""
+    image = np.random.default_rng(bins).integers(0, 256, (36, 96, 3)).astype(np.uint8)
+    image[0, :3] = (255, 0, 1)
+    hls = cv2.cvtColor(image, cv2.COLOR_RGB2HLS)
+    assert (hls[0, :3, 0] == 180).all()
+    expected = np.zeros((BANDS, bins))
+    for rgb, (hue, light, saturation) in zip(image.reshape(-1, 3).tolist(), hls.reshape(-1, 3).tolist(), strict=True):
+        levels = [level / (sum(rgb) + 1.0) for level in rgb]
+        for band, share in enumerate([hue % 180 / 180.0, light / 256.0, saturation / 256.0, *levels]):
+            expected[band, int(share * bins)] += 0.95 / (36 * 96)
+    made = ColorHistogram(ColorHistogramConfig(bins=bins)).describe({"rgb": image})[: BANDS * bins]
+    np.testing.assert_allclose(made.reshape(BANDS, bins), expected + 0.05 / bins, rtol=1e-6)
 
 
 def test_every_band_votes_for_the_node_of_its_nearest_view_by_the_ratio_to_the_next_node() -> None:
