@@ -47,7 +47,7 @@ report: $(VENV)/.installed
 
 # particles asks for numpy below 2, and works with 2: hence without its dependencies.
 $(VENV)/.installed-speed: $(VENV)/.installed
-	@$(PIP) install -c constraints.txt numba
+	@$(PIP) install -c constraints.txt -e ".[speed]"
 	@$(PIP) install --no-deps particles==0.4
 	@touch $@
 
@@ -86,7 +86,7 @@ reproduce: $(VENV)/.installed
 
 constraints:
 	@rm -rf $(VENV)-newest && $(PYTHON) -m venv $(VENV)-newest
-	@$(VENV)-newest/bin/python -m pip --quiet install -e ".[dev]"
+	@$(VENV)-newest/bin/python -m pip --quiet install -e ".[dev,speed]"
 	@( echo "# Names and versions that the project is tested with; 'make constraints' writes this."; \
 	   $(VENV)-newest/bin/python -m pip freeze --exclude-editable ) > constraints.txt
 	@rm -rf $(VENV)-newest

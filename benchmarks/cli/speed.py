@@ -1,11 +1,12 @@
-"""``topoloc speed``: our steps beside other people's libraries, in one run."""
+"""``topoloc speed``: our steps beside other people's libraries, how they grow, where their time goes; in one run."""
 
 from __future__ import annotations
 
 import json
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -14,75 +15,117 @@ from topoloc.errors import UnknownName, UserError
 
 if TYPE_CHECKING:
     from benchmarks.speed.case import Case, Result
+    from benchmarks.speed.growth import Growth
+    from benchmarks.speed.machine import Limits
+    from benchmarks.speed.profile import PairProfile
 
 REPEATS = 21
 EXIT_ANSWERS_DIFFER = 1
+GROWTH, MACHINE, PROFILE = "growth", "machine", "profile"
+"""What can be asked for beside the comparisons."""
 
 
 def speed(
-    what: Annotated[str | None, Parameter(help="Only this work, or group such as estimators.")] = None,
+    what: Annotated[str | None, Parameter(help="Only this work or group, growth, machine, or profile.")] = None,
     *,
-    repeats: Annotated[int, Parameter(help="Samples of ours and of the peer's.")] = REPEATS,
+    repeats: Annotated[int, Parameter(help="Samples of ours and of the peer's, fewer where they take long.")] = REPEATS,
+    full: Annotated[bool, Parameter(help="Growth up to the largest sizes: many minutes.", negative="")] = False,
+    plot: Annotated[Path | None, Parameter(help="Draw growth into this new .png file.")] = None,
     as_json: Annotated[bool, Parameter(name="--json", help="Print a list of rows instead.", negative="")] = False,
 ) -> int:
     """Time our steps beside libraries that do the same, and check that both give the same answer.
 
-    Example: ``topoloc speed estimators``, ``topoloc speed resampling --json``
+    Also shown is how time and memory grow with nodes, particles and cells, and what the machine can do at best. Where
+    the time of an update goes is told by ``profile`` only.
+
+    Example: ``topoloc speed estimators``, ``topoloc speed growth --plot growth.png``, ``topoloc speed ima --json``
 
     The exit code is 1 where answers differ.
     """
     from benchmarks import speed as registry
-    from benchmarks.speed.case import choose, measure, names
-    from topoloc.cli.progress import track
+    from benchmarks.speed.case import choose, names
+    from benchmarks.speed.machine import limits
 
-    if repeats < 1:
-        raise UserError(f"--repeats is {repeats}; give a whole number from 1 on")
+    _check(what, repeats, full, plot)
     cases = list(registry.CASES) if what is None else choose(registry.CASES, what)
-    if what is not None and not cases:
-        raise UnknownName("comparison", what, names(registry.CASES))
-    _tell_missing(cases)
-    able = [case for case in cases if not case.missing]
-    results = [measure(case, repeats) for case in track(able, "measuring")]
+    if not cases and what not in (None, GROWTH, MACHINE, PROFILE):
+        raise UnknownName("comparison", what, [*names(registry.CASES), GROWTH, MACHINE, PROFILE])
+    results = _compare(cases, repeats)
+    growths = _grow(full) if what in (None, GROWTH) else []
+    profiles = _profile() if what == PROFILE else []
+    if plot is not None:
+        _draw(plot, growths)
+    told = [] if as_json and cases and what is not None else [limits()]  # single comparisons: rows of one kind
     if as_json:
-        print(json.dumps([result.row() for result in results], indent=2))
+        rows: list[Mapping[str, object]] = [result.row() for result in results]
+        rows += [one.row() for one in told]
+        rows += [row for growth in growths for row in growth.rows()]
+        rows += [row for profile in profiles for row in profile.rows()]
+        print(json.dumps(rows, indent=2))
     else:
-        _print_tables(results, repeats)
+        _print(results, growths, profiles, told[0])
     return 0 if all(result.agree for result in results) else EXIT_ANSWERS_DIFFER
 
 
-def _tell_missing(cases: Sequence[Case]) -> None:
-    """A line for each package that is not installed, beside the output."""
+def _check(what: str | None, repeats: int, full: bool, plot: Path | None) -> None:
+    """Refuse what cannot be meant, before anything is measured."""
+    from topoloc.files import refuse_to_overwrite
+
+    if repeats < 1:
+        raise UserError(f"--repeats is {repeats}; give a whole number from 1 on")
+    if what not in (None, GROWTH) and (full or plot is not None):
+        option = "--full" if full else "--plot"
+        raise UserError(f"{option} is about growth, which 'topoloc speed {what}' leaves out; say topoloc speed growth")
+    if plot is not None:
+        if plot.suffix.lower() != ".png":
+            raise UserError(f"--plot is {plot}; give a file that ends in .png")
+        refuse_to_overwrite(plot)
+
+
+def _compare(cases: Sequence[Case], repeats: int) -> list[Result]:
+    """Results of the cases whose peers are installed; a line beside the output for each package that is not."""
+    from benchmarks.speed.case import measure
+    from topoloc.cli.progress import track
+
     for package, count in Counter(package for case in cases for package in case.missing).items():
         print(f"{package}: not installed; make speed installs it; left out: {count} of {len(cases)}", file=sys.stderr)
+    able = [case for case in cases if not case.missing]
+    return [measure(case, repeats) for case in track(able, "measuring")]
 
 
-def _print_tables(results: Sequence[Result], repeats: int) -> None:
-    """A table for each kind of work."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
+def _grow(full: bool) -> list[Growth]:
+    from benchmarks.speed.growers import growers
+    from benchmarks.speed.growth import BUDGET_S, grow
+    from topoloc.cli.progress import track
 
-    console = Console(markup=False, emoji=False, highlight=False)
-    for what in dict.fromkeys(result.case.what for result in results):
-        table = Table("size", "beside", title=what, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
-        for name in ("ours", "peer", "ratio"):
-            table.add_column(name, justify="right", no_wrap=True)
-        table.add_column("agree")
-        for result in results:
-            if result.case.what == what:
-                table.add_row(*_cells(result))
-        console.print(table)
-    if results:
-        console.print(f"Times in ms, medians of {repeats} samples by turns, on one thread.")
-        console.print("Ratio: the peer's time by ours, median (quartiles).")
+    rows = growers()
+    if not full and rows:
+        print(f"growth: {len(rows)} rows of about {BUDGET_S:.0f} s each; --full measures all sizes", file=sys.stderr)
+    return [grow(row, float("inf") if full else BUDGET_S) for row in track(rows, "growing")]
 
 
-def _cells(result: Result) -> tuple[str, ...]:
-    ratio = f"{_digits(result.ratio)} ({_digits(result.ratio_low)} to {_digits(result.ratio_high)})"
-    times = (_digits(result.ours_ms), _digits(result.peer_ms))
-    return (result.case.size, result.case.peer, *times, ratio, "yes" if result.agree else "no")
+def _profile() -> list[PairProfile]:
+    from benchmarks.speed.profile import PAIRS, profile_pair
+    from topoloc.cli.progress import track
+
+    return [profile_pair(*pair) for pair in track(PAIRS, "profiling")]
 
 
-def _digits(value: float) -> str:
-    """At least two digits that count, and two places at most."""
-    return f"{value:.2f}" if value < 10.0 else f"{value:.1f}" if value < 100.0 else f"{value:.0f}"
+def _draw(plot: Path, growths: Sequence[Growth]) -> None:
+    from benchmarks.speed.growth_plot import draw_growth
+    from topoloc.files import write_bytes
+    from topoloc.plan import as_png
+
+    write_bytes(plot, as_png(draw_growth(growths)))
+
+
+def _print(
+    results: Sequence[Result], growths: Sequence[Growth], profiles: Sequence[PairProfile], machine: Limits
+) -> None:
+    from benchmarks.speed.screen import make_console, print_growths, print_limits, print_profiles, print_results
+
+    console = make_console()
+    print_results(console, results)
+    print_growths(console, growths)
+    print_profiles(console, profiles, machine)
+    print_limits(console, machine)

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import timeit
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
+from time import process_time
 
+import cv2
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 SHORTEST_S = 0.01
 """A sample makes so many calls that it takes at least this long [s]: a clock's grain and a stray pause drown in it."""
+LEAST_S = 1e-7
+"""No call takes less [s], whatever the clock says."""
+LONGEST_S = 15.0
+"""The samples of a comparison take hardly longer than this together [s]: there are fewer where the work is long."""
+FEWEST = 5
+"""Samples that there are however long they take, unless fewer are asked for."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +69,10 @@ class Result:
 
     Attributes:
         case: that was measured.
-        ours_ms, peer_ms: median over the repeats of the time for the work once [ms].
+        ours_ms, peer_ms: median over the repeats of the processor time for the work once [ms].
         ratio: median over the repeats of the peer's time by ours: above 1 ours is faster.
         ratio_low, ratio_high: lower and upper quartile of the same.
+        samples: repeats that these are over.
         agree: whether both gave the same answer.
     """
 
@@ -72,6 +82,7 @@ class Result:
     ratio: float
     ratio_low: float
     ratio_high: float
+    samples: int
     agree: bool
 
     def row(self) -> dict[str, str | float | bool]:
@@ -97,29 +108,59 @@ def names(cases: Sequence[Case]) -> list[str]:
     return list(dict.fromkeys([case.group for case in cases] + [case.what for case in cases]))
 
 
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep libraries to one thread: those that are loaded by now, and OpenCV, whose threads are its own."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        with threadpool_limits(1):
+            yield
+    finally:
+        cv2.setNumThreads(before)
+
+
 def measure(case: Case, repeats: int) -> Result:
-    """Check a case, then time it on one thread, a sample of ours and one of the peer's by turns."""
+    """Check a case, then time it on one thread, a sample of ours and one of the peer's by turns.
+
+    Args:
+        case: to be measured.
+        repeats: samples of each; fewer where they would take longer than ``LONGEST_S``.
+    """
     pair = case.prepare()
-    with threadpool_limits(1):  # after the imports: it limits the libraries that are loaded by now
+    with one_thread():  # after the imports
         agree = pair.agree()
         ours, peers = _samples(pair, repeats)
     low, ratio, high = np.percentile(peers / ours, [25.0, 50.0, 75.0])
     ours_ms, peer_ms = (1e3 * float(np.median(seconds)) for seconds in (ours, peers))
-    return Result(case, ours_ms, peer_ms, float(ratio), float(low), float(high), agree)
+    return Result(case, ours_ms, peer_ms, float(ratio), float(low), float(high), len(ours), agree)
 
 
 def _samples(pair: Pair, repeats: int) -> tuple[np.ndarray, np.ndarray]:
-    """Seconds a call (repeats,) of ours and of the peer's. Who comes first changes, lest it matter."""
+    """Seconds a call (N,) of ours and of the peer's, N <= repeats. Who comes first changes, lest it matter."""
     calls = (pair.ours, pair.peers)
-    numbers = [_enough(call) for call in calls]
-    seconds = np.empty((2, repeats))
-    for repeat in range(repeats):
+    numbers, lengths = zip(*(enough(call) for call in calls), strict=True)
+    seconds = np.empty((2, min(repeats, max(FEWEST, int(LONGEST_S / sum(lengths))))))
+    for repeat in range(seconds.shape[1]):
         for which in (0, 1) if repeat % 2 == 0 else (1, 0):
-            seconds[which, repeat] = timeit.timeit(calls[which], number=numbers[which]) / numbers[which]
+            seconds[which, repeat] = seconds_of(calls[which], numbers[which]) / numbers[which]
     return seconds[0], seconds[1]
 
 
-def _enough(call: Callable[[], object]) -> int:
-    """How many calls a sample needs. The first call warms up: caches, and compilers that translate at need."""
-    call()
-    return int(np.ceil(SHORTEST_S / min(timeit.repeat(call, number=1, repeat=3)))) or 1
+def enough(call: Callable[[], object]) -> tuple[int, float]:
+    """How many calls a sample needs, and how long it will take [s].
+
+    The first call warms up: caches, and compilers that translate at need. Where it took long, warming up was little
+    of it, and it tells enough.
+    """
+    took = seconds_of(call)
+    if took < 100.0 * SHORTEST_S:
+        took = min(seconds_of(call) for _ in range(3))
+    took = max(took, LEAST_S)
+    number = int(np.ceil(SHORTEST_S / took)) or 1
+    return number, number * took
+
+
+def seconds_of(call: Callable[[], object], number: int = 1) -> float:
+    """Processor time of so many calls [s]: what else the machine does at the time does not count."""
+    return timeit.timeit(call, timer=process_time, number=number)

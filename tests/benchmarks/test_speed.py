@@ -1,10 +1,11 @@
 from __future__ import annotations
 
 import json
-import timeit
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from filterpy import monte_carlo
@@ -13,11 +14,14 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import benchmarks.speed as registry
 from benchmarks.cli.speed import speed
 from benchmarks.speed import case as timing
-from benchmarks.speed import corridor, grid
+from benchmarks.speed import corridor, grid, machine
+from benchmarks.speed import growers as growing
 from benchmarks.speed.agreement import global_numbers_from, same_in_distribution, same_masses, same_numbers
 from benchmarks.speed.case import Case, Pair, measure
 from benchmarks.speed.grid import Hall, grid_predict, kernel
+from benchmarks.speed.growth import Grower
 from benchmarks.speed.likelihood import log_likelihood, plain_log_likelihood
+from benchmarks.speed.machine import Limits
 from benchmarks.speed.particle_step import SEEN, particle_filter_step
 from benchmarks.speed.resampling import (
     filterpy_resampling,
@@ -41,9 +45,14 @@ def a_case(what: str = "idling", group: str = "pastimes", packages: tuple[str, .
     return Case(group, what, "1 hour", "somebody", packages, lambda: Pair(nothing, nothing, lambda: agree))
 
 
+LIMITS = Limits(copy_gb_s=10.0, read_gb_s=8.0, matmul32_gflop_s=50.0, matmul64_gflop_s=25.0)
+
+
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(timing, "SHORTEST_S", 0.0)  # a call makes a sample
+    monkeypatch.setattr(machine, "limits", lambda: LIMITS)
+    monkeypatch.setattr(growing, "growers", lambda: (Grower("sleeper", "naps", (2, 4), lambda size: lambda: nothing),))
 
 
 @pytest.fixture
@@ -74,24 +83,41 @@ def test_libraries_have_one_thread() -> None:
 
     def look() -> None:
         threads.update(library["num_threads"] for library in threadpool_info())
+        threads.add(cv2.getNumThreads())
 
-    with threadpool_limits(2):
-        look()
-        assert 2 in threads
-        threads.clear()
-        measure(replace(a_case(), prepare=lambda: Pair(look, look, lambda: True)), repeats=1)
-    assert threads == {1}
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(2)
+    try:
+        with threadpool_limits(2):
+            look()
+            assert 2 in threads
+            threads.clear()
+            measure(replace(a_case(), prepare=lambda: Pair(look, look, lambda: True)), repeats=1)
+        assert threads == {1}
+        assert cv2.getNumThreads() == 2
+    finally:
+        cv2.setNumThreads(before)
 
 
 def test_ratio_is_the_peers_time_by_ours(monkeypatch: pytest.MonkeyPatch) -> None:
-    seconds = {"ours": iter([2.0, 4.0, 4.0, 2.0, 4.0]), "peers": iter([6.0, 8.0, 4.0, 8.0, 40.0])}
+    warm_up = [1.0]
+    seconds = {"ours": iter([*warm_up, 2.0, 4.0, 4.0, 2.0, 4.0]), "peers": iter([*warm_up, 6.0, 8.0, 4.0, 8.0, 40.0])}
     pair = Pair(lambda: "ours", lambda: "peers", lambda: True)
-    monkeypatch.setattr(timeit, "repeat", lambda call, **how: [1.0])
-    monkeypatch.setattr(timeit, "timeit", lambda call, **how: next(seconds[call()]))
+    monkeypatch.setattr(timing, "seconds_of", lambda call, number=1: next(seconds[call()]))
     result = measure(replace(a_case(), prepare=lambda: pair), repeats=5)
     # ratios 3, 2, 1, 4, 10
     assert (result.ratio_low, result.ratio, result.ratio_high) == (2.0, 3.0, 4.0)
     assert (result.ours_ms, result.peer_ms) == (4000.0, 8000.0)
+    assert result.samples == 5
+
+
+@pytest.mark.parametrize(("seconds", "expected"), [(0.01, 21), (0.75, 10), (30.0, 5)])
+def test_there_are_fewer_samples_where_the_work_is_long(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, expected: int
+) -> None:
+    monkeypatch.setattr(timing, "seconds_of", lambda call, number=1: seconds)
+    assert measure(a_case(), repeats=21).samples == expected
+    assert measure(a_case(), repeats=3).samples == 3
 
 
 # --- the command ----------------------------------------------------------------------------------------------------
@@ -124,7 +150,51 @@ def test_all_is_run_by_default_and_a_single_work_by_its_name(
     cases(a_case("idling"), a_case("napping"), a_case("idling", "duties"))
     for what, expected in ((None, 3), ("idling", 2), ("pastimes", 2), ("napping", 1)):
         assert speed(what, repeats=1, as_json=True) == 0
-        assert len(json.loads(capsys.readouterr().out)) == expected
+        rows = json.loads(capsys.readouterr().out)
+        assert len([row for row in rows if list(row) == KEYS]) == expected
+        others = [row["what"] for row in rows if list(row) != KEYS]
+        assert others == ([] if what else ["machine", "growth", "growth", "growth-exponent"])
+
+
+def test_growth_is_told_and_drawn(
+    cases: Callable[..., None],
+    run: Callable[[list[str]], int],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    cases(a_case())
+    picture = tmp_path / "growth.png"
+    assert run(["speed", "growth", "--plot", str(picture)]) == 0
+    out, err = capsys.readouterr()
+    assert "sleeper, by naps" in out and "idling" not in out
+    assert "1 rows of about" in err
+    assert cv2.imread(str(picture)) is not None
+    assert run(["speed", "growth", "--plot", str(picture)]) == 2  # it is there already
+    assert "growth.png" in capsys.readouterr().err
+    assert run(["speed", "growth", "--full", "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert [row["what"] for row in json.loads(out)] == ["machine", "growth", "growth", "growth-exponent"]
+
+
+def test_growths_options_are_refused_where_nothing_grows(cases: Callable[..., None], tmp_path: Path) -> None:
+    cases(a_case())
+    with pytest.raises(UserError, match="--plot is about growth"):
+        speed("idling", plot=tmp_path / "growth.png")
+    with pytest.raises(UserError, match="--full is about growth"):
+        speed("idling", full=True)
+    with pytest.raises(UserError, match=r"ends in \.png"):
+        speed("growth", plot=tmp_path / "growth.jpg")
+
+
+def test_the_machines_limits_are_told_with_each_table(
+    cases: Callable[..., None], run: Callable[[list[str]], int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    cases(a_case())
+    assert run(["speed", "idling", "--repeats", "1"]) == 0
+    assert "copies 10.0 GB/s" in capsys.readouterr().out
+    assert run(["speed", "machine", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == [LIMITS.row()]
 
 
 def test_answers_that_differ_are_told_and_make_the_exit_code_1(
@@ -143,15 +213,17 @@ def test_a_peer_that_is_not_installed_is_told(cases: Callable[..., None], capsys
     cases(a_case("idling"), lacking, lacking)
     assert speed(repeats=1, as_json=True) == 0
     out, err = capsys.readouterr()
-    assert [row["what"] for row in json.loads(out)] == ["idling"]
-    assert err == "no_such_package: not installed; make speed installs it; left out: 2 of 3\n"
+    assert [row["what"] for row in json.loads(out)][:2] == ["idling", "machine"]
+    assert err.startswith("no_such_package: not installed; make speed installs it; left out: 2 of 3\n")
 
 
 def test_unknown_names_are_refused_with_those_that_exist(
     cases: Callable[..., None], run: Callable[[list[str]], int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     cases(a_case("idling"), a_case("napping"))
-    with pytest.raises(UnknownName, match="no comparison is called 'work'; choose from: pastimes, idling, napping"):
+    with pytest.raises(
+        UnknownName, match="no comparison is called 'work'; choose from: pastimes, idling, napping, growth, "
+    ):
         speed("work")
     assert run(["speed", "work"]) == 2
     assert "pastimes, idling, napping" in capsys.readouterr().err
@@ -289,7 +361,11 @@ def test_every_kernel_has_its_variance() -> None:
 def test_every_comparison_is_in_the_list_once() -> None:
     rows = [(case.what, case.size, case.peer) for case in registry.CASES]
     assert len(set(rows)) == len(rows)
-    assert {case.what for case in registry.CASES} == {
+    assert {case.what for case in registry.CASES} >= {
+        "ima",
+        "kalman-step",
+        "nearest-histogram",
+        "nearest-pca",
         "particle-step",
         "resampling",
         "grid-predict",
