@@ -2,25 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from sensors.images import camera_on_nodes, clahe, crop_centre, cut_views, grey, resize
+from sensors.coarse_stage import CoarseStage, stamps_of
+from sensors.digital_zoom import advances_of, best_of, scaled
+from sensors.images import camera_on_nodes, clahe, cut_views, grey
 from sensors.slot_correlation import KEPT_MB, Reference, make_reference
 from sensors.slot_matching import Matches, Sums, match_frames, slot_values, sums_of_winners
 from topoloc.errors import UserError
 from topoloc.geometry import Floats, wrap
+from topoloc.map_store import precomputed
 from topoloc.thesis import THESIS
-from topoloc.topo_map import Camera, TopoMap
+from topoloc.topo_map import Node, TopoMap
 from topoloc.types import Evidence, Frame, Image, Ints, Pixels
 
 SAME_PLACE_M = 0.1
 """Nodes nearer to each other than this are one place photographed twice [m]: it counts once."""
+PREPARED = 1
+"""Number of the way in which panoramas are prepared; another one makes what maps' folders keep stale."""
+ONLY_FOR_LOOKS = frozenset(
+    {
+        "scene_m",
+        "blind_deviation",
+        "slope",
+        "margin",
+        "sigma_m",
+        "kappa",
+        "kappa_fall",
+        "sure_margin",
+        "log_floor",
+        "memory_mb",
+        "candidates",
+    }
+)
+"""Settings that what is precomputed of a map does not depend on."""
 CALIBRATION_NODES, CALIBRATION_STRIDE, CALIBRATION_OTHERS = 16, 4, 64
 """``fit`` matches views of at most so many nodes, of each one direction in so many, with at most so many others."""
 
@@ -54,6 +75,8 @@ class IMAConfig:
         log_floor: log-likelihood ratio that remains far from every node.
         memory_mb: memory for what is precomputed of the panoramas beside their scaled pictures: with the defaults 0.3
             MB a node. What finds no room is made anew at each look, which takes three times as long [MB].
+        candidates: nodes that a coarse stage leaves to be matched, for maps of thousands of nodes; the others get no
+            hypothesis. 0: all are matched.
     """
 
     scale_columns: int = THESIS.scale_columns
@@ -74,6 +97,7 @@ class IMAConfig:
     sure_margin: float = 0.181
     log_floor: float = -1.5
     memory_mb: float = KEPT_MB
+    candidates: int = 0
 
     def __post_init__(self) -> None:
         if not 1 <= self.slots <= self.scale_columns:
@@ -84,6 +108,8 @@ class IMAConfig:
             raise ValueError("zoom_steps must be at least 1, and scene_m not negative")
         if self.clahe_tiles < 1 or self.clahe_clip_limit <= 0.0:
             raise ValueError("clahe_tiles must be at least 1, and clahe_clip_limit positive")
+        if self.candidates < 0:
+            raise ValueError(f"candidates is {self.candidates}; it must be at least 1, or 0 for all nodes")
         if self.sigma_m <= 0.0 or min(self.kappa, self.kappa_fall, self.flat_variance, self.memory_mb) < 0.0:
             raise ValueError("sigma_m must be positive, kappa, kappa_fall, flat_variance and memory_mb not negative")
 
@@ -117,12 +143,16 @@ class IMA:
 
     Config: ClassVar[type[IMAConfig]] = IMAConfig
     needs = frozenset({"rgb"})
+    store: ClassVar[str] = "ima"
+    """Under this name a map's folder keeps what is precomputed (``topoloc.map_store``)."""
     unrelated_match: ClassVar[float] = 0.43
     """95th percentile of IMA with 8 slots between unrelated pictures: what a map of one node is held against."""
 
     def __init__(self, config: IMAConfig | None = None) -> None:
         self.config = config or IMAConfig()
+        self._advances = advances_of(self.config.zoom, self.config.zoom_steps)
         self._references: list[Reference] = []
+        self._coarse: CoarseStage | None = None
 
     def fit(self, topo_map: TopoMap) -> None:
         """Prepare every panorama, plain and zoomed in, and measure how alike wrong nodes look.
@@ -130,39 +160,55 @@ class IMA:
         Raises:
             UserError: a node has no panorama.
         """
-        lacking = [node.id for node in topo_map.nodes if node.panorama is None]
+        lacking = [node.id for node in topo_map.nodes if not node.has_panorama]
         if lacking:
             names = ", ".join(lacking[:5]) + (f" and {len(lacking) - 5} more" if len(lacking) > 5 else "")
             remedy = f"add one for {names}, or choose another sensor"
             raise UserError(f"map {topo_map.name!r}: ima needs a panorama at every node; {remedy}")
-        camera = topo_map.camera
-        self._camera, self._filtering = camera, self.config.clahe and not topo_map.filtered
-        panoramas = [node.panorama for node in topo_map.nodes if node.panorama is not None]
-        circles = [self._filtered(image, self._filtering, camera.hfov_deg) for image in panoramas]
+        self._camera, self._filtering = topo_map.camera, self.config.clahe and not topo_map.filtered
         self._positions = topo_map.positions
         self._headings = np.array([node.heading for node in topo_map.nodes])
         self._density = cKDTree(self._positions).query_ball_point(self._positions, SAME_PLACE_M, return_length=True)
-        self._rows = max(1, round(self.config.scale_columns * camera.height / camera.width))
-        self._references = self._circle_references(circles)
-        self._scale_by(*self._values_of_wrong_nodes(circles, camera))
+        self._rows = max(1, round(self.config.scale_columns * self._camera.height / self._camera.width))
+        known = self._known_of(topo_map)
+        self._references = [self._reference(known, number) for number in range(len(self.reference_zooms()))]
+        self._coarse = CoarseStage.of(self._camera, self.reference_zooms()[-1], known) if self._is_coarse else None
+        self._scale_by(known["wrong"], known["weights"], known["distances"])
 
     def observe(self, frame: Frame) -> Evidence:
         """One hypothesis a node: where and how well the frame matches its panorama; blind for a flat picture."""
         if not self._references:
             raise RuntimeError("IMA knows no map yet: call fit(topo_map) before observe(frame)")
         image = frame.images["rgb"]
-        if _scaled(grey(image), self.config.scale_columns, self._rows).std() < self.config.blind_deviation:
+        if scaled(grey(image), self.config.scale_columns, self._rows).std() < self.config.blind_deviation:
             return Evidence.blind()
-        matches = self._best_of_zooms(self._filtered(image, self.config.clahe), self._references)
-        return self._evidence(matches, frame.camera)
+        picture = self._filtered(image, self.config.clahe)
+        nodes = self._candidates(picture)
+        references = self._references if len(nodes) == len(self._positions) else self._chosen(nodes)
+        return self._evidence(self._best_of_zooms(picture, references), nodes, frame.camera)
+
+    def _candidates(self, picture: Image) -> Ints:
+        """Indices of the nodes whose panoramas are matched, ascending: all, or those that the coarse stage picks."""
+        if self._coarse is None or self.config.candidates >= len(self._positions):
+            return np.arange(len(self._positions))
+        return self._coarse.candidates(picture, self.config.candidates)
+
+    def _chosen(self, nodes: Ints, kept_mb: float = 0.0) -> list[Reference]:
+        """The panoramas of some nodes, by index."""
+        return [ready.chosen(nodes, kept_mb) for ready in self._references]
+
+    @property
+    def _is_coarse(self) -> bool:
+        return self.config.candidates > 0
 
     def prepare(self, panorama: Image) -> list[Reference]:
         """A panorama of the map made ready as ``fit`` does with every node's: plain, and zoomed in, each with K = 1."""
-        return self._circle_references([self._filtered(panorama, self._filtering, self._camera.hfov_deg)])
+        circle = self._filtered(panorama, self._filtering, self._camera.hfov_deg)
+        return [self._made_reference(picture[None], circular=True) for picture in self._circles(circle)]
 
     def prepared(self, node: int) -> list[Reference]:
         """The same of the panorama that a node has now, by index; to be looked at only."""
-        return [ready.chosen(np.array([node])) for ready in self._references]
+        return self._chosen(np.array([node]))
 
     def replace_panorama(self, node: int, panorama: Image) -> None:
         """Give a node, by index, another panorama: as if ``fit`` had met it, but for the scale of the map.
@@ -175,6 +221,8 @@ class IMA:
         """
         for ready, new in zip(self._references, self.prepare(panorama), strict=True):
             ready.put(node, new)
+        if self._coarse is not None:
+            self._coarse.put(node, self._filtered(panorama, self._filtering, self._camera.hfov_deg))
 
     def find(self, image: Image, references: list[Reference]) -> Matches:
         """Where and how well a full-size frame matches panoramas that are ready; ``value`` as ``Evidence.match``."""
@@ -189,9 +237,7 @@ class IMA:
             nodes: indices into the nodes of the map, one for each result.
         """
         rows = np.asarray(nodes, dtype=np.int64)
-        frames, references = self._zoomed(
-            self._filtered(image, self.config.clahe), [ready.chosen(rows) for ready in self._references]
-        )
+        frames, references = self._zoomed(self._filtered(image, self.config.clahe), self._chosen(rows))
         pairs = [(frame, references[0]) for frame in frames] + [(frames[0], wider) for wider in references[1:]]
         found = self._found(frames, references)
         zooms: list[int] = np.stack([matches.value for matches in found]).argmax(axis=0).tolist()
@@ -231,22 +277,14 @@ class IMA:
         columns = self.config.scale_columns
         rows = max(1, round(columns * reference.shape[0] / reference.shape[1]))
         kept = self._filtered(reference, self.config.clahe)
-        references = [
-            self._reference([_scaled(kept, columns, rows, 1.0, zoom)], circular=False)
-            for zoom in self.reference_zooms()
-        ]
+        wider = [self._prepared(scaled(kept, columns, rows, 1.0, zoom)) for zoom in self.reference_zooms()]
+        references = [self._made_reference(picture[None], circular=False) for picture in wider]
         best = self._best_of_zooms(self._filtered(image, self.config.clahe), references)
         return float(self._likeness(best.value)[0]), int(best.column[0])
 
-    def _advances(self) -> Floats:
-        """Displacements 1 - 1 / rho (2.5) of the zooms each way, smallest first, in distances of the scene."""
-        farthest = 1.0 - 1.0 / self.config.zoom
-        steps = np.arange(1, self.config.zoom_steps + 1) if farthest > 0.0 else np.zeros(0)
-        return np.asarray(farthest * steps / self.config.zoom_steps)
-
     def reference_zooms(self) -> list[float]:
         """Zooms of the references: 1, and 1 / rho_out of (2.8), which stands for zooming the frame out."""
-        return [1.0, *(1.0 + self._advances()).tolist()]
+        return [1.0, *(1.0 + self._advances).tolist()]
 
     def _filtered(self, image: Image, filtering: bool, hfov_deg: float | None = None) -> Image:
         """Grey at full size, with CLAHE where asked for; ``hfov_deg`` is given for a full circle."""
@@ -255,19 +293,56 @@ class IMA:
             return plain
         return clahe(plain, self.config.clahe_clip_limit, self.config.clahe_tiles, hfov_deg)
 
-    def _circle_references(self, circles: list[Image]) -> list[Reference]:
-        """Filtered full-size panoramas, plain and zoomed in."""
+    def _circles(self, circle: Image) -> list[Pixels]:
+        """A filtered full-size panorama as it is matched: plain, and zoomed in."""
         columns = self._camera.panorama_columns(self.config.scale_columns)
-        return [
-            self._reference([_scaled(circle, columns, self._rows, 1.0, zoom) for circle in circles], circular=True)
-            for zoom in self.reference_zooms()
-        ]
+        zooms = self.reference_zooms()
+        return [self._prepared(scaled(circle, columns, self._rows, 1.0, zoom), circular=True) for zoom in zooms]
 
-    def _reference(self, pictures: list[Image], circular: bool) -> Reference:
+    def _known_of(self, topo_map: TopoMap) -> Mapping[str, Pixels]:
+        """What ``_prepared_map`` makes, or what the map's folder keeps of it.
+
+        Of a class that names no store nothing is kept: it may prepare pictures in a way of its own.
+        """
+        if "store" not in vars(type(self)):
+            return self._prepared_map(topo_map)
+        settings = {name: value for name, value in asdict(self.config).items() if name not in ONLY_FOR_LOOKS}
+        key = PREPARED, sorted(settings.items()), self._is_coarse
+        return precomputed(topo_map, self.store, key, lambda: self._prepared_map(topo_map))
+
+    def _prepared_map(self, topo_map: TopoMap) -> dict[str, Pixels]:
+        """Arrays of all panoramas, and what wrong nodes give; a panorama at a time is in memory at full size."""
+        made: dict[str, Pixels] = {}
+        for index, node in enumerate(topo_map.nodes):
+            circle = self._filtered(panorama_of(node), self._filtering, self._camera.hfov_deg)
+            pictures = {f"pixels_{number}": picture for number, picture in enumerate(self._circles(circle))}
+            if self._is_coarse:
+                pictures |= stamps_of(circle, self._camera, self.reference_zooms()[-1])
+            for name, picture in pictures.items():
+                if index == 0:
+                    made[name] = np.empty((len(topo_map.nodes), *picture.shape), picture.dtype)
+                made[name][index] = picture
+        self._references = []
+        for number in range(len(self.reference_zooms())):
+            reference = self._made_reference(made[f"pixels_{number}"], circular=True)
+            made[f"scales_{number}"] = reference.scales
+            self._references.append(reference)
+        wrong = self._values_of_wrong_nodes(topo_map)
+        return made | dict(zip(("wrong", "weights", "distances"), wrong, strict=True))
+
+    def _reference(self, known: Mapping[str, Pixels], number: int) -> Reference:
+        """The panoramas at one zoom, of what ``_prepared_map`` made."""
+        width, memory_mb = self.config.scale_columns // self.config.slots, self._memory_mb
+        return Reference(known[f"pixels_{number}"], known[f"scales_{number}"], width, True, memory_mb)
+
+    def _made_reference(self, pictures: Pixels, circular: bool) -> Reference:
         slot_width = self.config.scale_columns // self.config.slots
-        prepared = np.stack([self._prepared(picture, circular) for picture in pictures])
-        memory_mb = self.config.memory_mb / len(self.reference_zooms())
-        return make_reference(prepared, slot_width, self.config.flat_variance, circular, memory_mb)
+        return make_reference(pictures, slot_width, self.config.flat_variance, circular, self._memory_mb)
+
+    @property
+    def _memory_mb(self) -> float:
+        """For the transforms of panoramas at one zoom [MB]."""
+        return self.config.memory_mb / len(self.reference_zooms())
 
     def _prepared(self, picture: Image, circular: bool = False) -> Pixels:
         """What of a scaled picture (rows, columns) is matched: the published IMA takes its grey levels as they are."""
@@ -285,15 +360,15 @@ class IMA:
 
     def _best_of_zooms(self, picture: Image, references: list[Reference]) -> Matches:
         """The best of the combinations of 4.1.5 for each reference, ``picture`` at full size and filtered."""
-        nearer = self._advances()
+        nearer = self._advances
         advances = np.concatenate([[0.0], -nearer, nearer])
         return best_of(self._found(*self._zoomed(picture, references)), advances)
 
     def _zoomed(self, picture: Image, references: list[Reference]) -> tuple[list[Pixels], list[Reference]]:
         """The frame, plain and zoomed in, and the references, plain and zoomed in (4.1.5)."""
         rows, columns = references[0].pixels.shape[1], self.config.scale_columns
-        zooms = [1.0, *(1.0 / (1.0 - self._advances())).tolist()]
-        return [self._prepared(_scaled(picture, columns, rows, zoom, zoom)) for zoom in zooms], references
+        zooms = [1.0, *(1.0 / (1.0 - self._advances)).tolist()]
+        return [self._prepared(scaled(picture, columns, rows, zoom, zoom)) for zoom in zooms], references
 
     def _found(self, frames: list[Pixels], references: list[Reference]) -> list[Matches]:
         """Every frame on the plain references, then the plain frame on every wider one."""
@@ -303,25 +378,26 @@ class IMA:
             found += match_frames(frames[:1], wider, slots, flat_variance, self._sums)
         return found
 
-    def _evidence(self, matches: Matches, mount: Floats) -> Evidence:
+    def _evidence(self, matches: Matches, nodes: Ints, mount: Floats) -> Evidence:
         """Heading by (2.2), of the window's middle on the circle that was searched, counter-clockwise.
 
         The panoramas were taken by a robot that turned on its axis (5.1.2), so the node is where that axis stood; the
         zoom that matches best tells how far ahead of it the robot is now.
         """
         middle = matches.column + self.config.scale_columns / 2.0
-        heading = wrap(self._headings - middle * 2.0 * np.pi / matches.columns)
+        heading = wrap(self._headings[nodes] - middle * 2.0 * np.pi / matches.columns)
         ahead = self.config.scene_m * matches.advance
-        positions = self._positions + ahead[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+        positions = self._positions[nodes] + ahead[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
         match = self._likeness(matches.value)
         count = len(match)
+        log_density = np.log(self._density[nodes])
         sureness = match - self.base_match - self.config.sure_margin
         return Evidence(
             poses=camera_on_nodes(positions, heading, mount),
-            nodes=np.arange(count),
+            nodes=nodes,
             match=match,
             distance=1.0 - match,
-            log_likelihoods=self.config.slope * (match - self.base_match - self.config.margin) - np.log(self._density),
+            log_likelihoods=self.config.slope * (match - self.base_match - self.config.margin) - log_density,
             sigma=np.full(count, self.config.sigma_m),
             kappa=self.config.kappa * np.exp(self.config.kappa_fall * np.minimum(sureness, 0.0)),
             log_floor=self.config.log_floor,
@@ -334,15 +410,16 @@ class IMA:
             float(np.average(self._likeness(wrong), weights=weights)) if len(wrong) else self.unrelated_match
         )
 
-    def _values_of_wrong_nodes(self, circles: list[Image], camera: Camera) -> tuple[Floats, Floats, Floats]:
+    def _values_of_wrong_nodes(self, topo_map: TopoMap) -> tuple[Floats, Floats, Floats]:
         """What ``_scale_by`` takes, of views cut from each node's panorama on all others; few views of many nodes."""
-        held = _evenly(len(circles), CALIBRATION_OTHERS)
-        references = [ready.chosen(held, self.config.memory_mb) for ready in self._references]
+        held = _evenly(len(topo_map.nodes), CALIBRATION_OTHERS)
+        references = self._chosen(held, self._memory_mb)
         values, weights, distances = [], [], []
-        for own in _evenly(len(circles), CALIBRATION_NODES):
+        for own in _evenly(len(topo_map.nodes), CALIBRATION_NODES).tolist():
             away = np.linalg.norm(self._positions[held] - self._positions[own], axis=1)
             others = away > SAME_PLACE_M
-            for window, _ in cut_views(circles[own], 0.0, camera)[::CALIBRATION_STRIDE]:
+            circle = self._filtered(panorama_of(topo_map.nodes[own]), self._filtering, self._camera.hfov_deg)
+            for window, _ in cut_views(circle, 0.0, self._camera)[::CALIBRATION_STRIDE]:
                 values.append(self._best_of_zooms(window, references).value[others])
                 weights.append(1.0 / (self._density[own] * self._density[held][others]))
                 distances.append(away[others])
@@ -354,36 +431,8 @@ def _evenly(count: int, most: int) -> Ints:
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
 
 
-def best_of(found: Sequence[Matches], advances: Floats) -> Matches:
-    """The best of several zooms (Z) for each of K references; its displacement is refined by a parabola.
-
-    Args:
-        found: Z matches, the plain one first.
-        advances: (Z,) displacements that they stand for, evenly spaced when sorted.
-    """
-    values = np.stack([matches.value for matches in found])
-    best, of_each = values.argmax(axis=0), np.arange(values.shape[1])
-    order = np.argsort(advances)
-    place = np.argsort(order)[best]  # of the best zoom among the sorted ones
-    inner = (place > 0) & (place < len(order) - 1)
-    before, after = (values[order[np.clip(place + side, 0, len(order) - 1)], of_each] for side in (-1, 1))
-    peak = values[best, of_each]
-    bend = before - 2.0 * peak + after
-    shift = np.divide(before - after, 2.0 * bend, out=np.zeros_like(peak), where=inner & (bend < 0.0))
-    step = advances[order[1]] - advances[order[0]] if len(order) > 1 else 0.0
-    return Matches(
-        peak,
-        np.stack([matches.column for matches in found])[best, of_each],
-        np.stack([matches.columns for matches in found])[best, of_each],
-        advances[best] + step * shift,
-    )
-
-
-def _scaled(picture: Image, columns: int, rows: int, zoom_columns: float = 1.0, zoom_rows: float = 1.0) -> Image:
-    """Grey levels (rows, columns * zoom_rows / zoom_columns) of a grey picture whose outer parts are cropped.
-
-    A frame is zoomed in both ways: cropped to 1 / zoom of its columns and rows, and scaled back to its size. A
-    reference keeps its full width (``zoom_columns`` 1): it is cropped in height only and grows wider.
-    """
-    kept = crop_centre(picture, 1.0 / zoom_columns, 1.0 / zoom_rows)
-    return resize(kept, round(columns * zoom_rows / zoom_columns), rows)
+def panorama_of(node: Node) -> Image:
+    """The panorama of a node that has one."""
+    panorama = node.panorama
+    assert panorama is not None  # or ``fit`` would have refused the map
+    return panorama

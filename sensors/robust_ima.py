@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from sensors.calibration import WRONG_QUANTILE
 from sensors.ima import IMA, IMAConfig
-from sensors.slot_correlation import Reference, Singles, add_moved, moved
-from sensors.slot_matching import Sums, slot_values
+from sensors.local_contrast import local_contrast
+from sensors.slot_correlation import Reference
+from sensors.slot_matching import Sums, slot_values, sums_within
 from topoloc.geometry import Floats
 from topoloc.types import Image, Ints, Pixels
 
@@ -75,6 +75,7 @@ class RobustIMA(IMA):
     """
 
     Config: ClassVar[type[IMAConfig]] = RobustIMAConfig
+    store: ClassVar[str] = "ima-robust"
     config: RobustIMAConfig
     unrelated_match: ClassVar[float] = 0.33
     """Mean match of wrong nodes in the simulated laboratory."""
@@ -118,44 +119,3 @@ class RobustIMA(IMA):
             most = float(np.quantile(wrong, 1.0 - WRONG_QUANTILE, weights=weights, method="inverted_cdf"))
             self._doubtful = float(np.clip(most, *DOUBTFUL_RANGE))
         super()._scale_by(wrong, weights, distances)
-
-
-def local_contrast(picture: Pixels, window: float, grey: float, circular: bool) -> Floats:
-    """Grey levels less their local mean, divided by one more than their local deviation in units of ``grey``.
-
-    Args:
-        picture: (rows, columns) grey levels.
-        window: standard deviation of the Gaussian window, columns.
-        grey: deviation that is about halved [grey levels]; much less stays as it is, much more comes out alike.
-        circular: the columns close a circle.
-    """
-    margin = min(2 * int(np.ceil(4.0 * window)), picture.shape[1]) if circular else 0  # blurred twice
-    parts = [picture[:, picture.shape[1] - margin :], picture, picture[:, :margin]]
-    wide = np.concatenate(parts, axis=1, dtype=np.float64)
-    deviation = wide - _blurred(wide, window)
-    spread = np.sqrt(_blurred(deviation**2, window))
-    return np.asarray((deviation / (1.0 + spread / grey))[:, margin : margin + picture.shape[1]])
-
-
-def _blurred(picture: Floats, window: float) -> Floats:
-    return np.asarray(cv2.GaussianBlur(picture, (0, 0), window, borderType=cv2.BORDER_REFLECT), dtype=np.float64)
-
-
-def sums_within(correlation: Singles, width: int, circular: bool, slack: int) -> Singles:
-    """Each slot adds its correlation at its place in the row, or up to ``slack`` columns beside it if it is more there.
-
-    Args:
-        correlation: (N_s, columns, B) with B references; below zero it counts as zero.
-        width: columns of a slot.
-        circular: the columns close a circle.
-        slack: columns.
-    """
-    correlation = np.maximum(correlation, 0.0)
-    near = correlation.copy()
-    for columns in range(1, slack + 1):
-        for beside in (columns, -columns):
-            np.maximum(near, moved(correlation, beside, circular), out=near)
-    total: Singles = near[0].copy()
-    for slot in range(1, len(near)):
-        add_moved(total, near[slot], slot * width, circular)
-    return total

@@ -27,7 +27,7 @@ KEPT_MB = 1024.0
 """That a reference's transforms may take, unless told otherwise [MB]."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Reference:
     """K reference images I_ref of one size, made ready for slots of one width.
 
@@ -68,6 +68,8 @@ class Reference:
 
     def put(self, index: int, other: Reference) -> None:
         """Let the only reference of ``other`` take the place of one of these."""
+        if not (self.pixels.flags.writeable and self.scales.flags.writeable):  # mapped from a map's folder
+            self.pixels, self.scales = self.pixels.copy(), self.scales.copy()
         self.pixels[index], self.scales[index] = other.pixels[0], other.scales[0]
         self._kept.pop(index // BLOCK, None)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.slot_correlation import Reference, Singles, add_moved, slots_of
+from sensors.slot_correlation import Reference, Singles, add_moved, moved, slots_of
 from topoloc.geometry import Floats
 from topoloc.types import Ints
 
@@ -48,6 +48,26 @@ def sums_of_winners(correlation: Singles, width: int, circular: bool) -> Singles
         won = value * (own == best)
         add_moved(total, won, slot * width, circular)
         value -= won  # of equal slots the first wins, as ">" in Code 2.1 has it
+    return total
+
+
+def sums_within(correlation: Singles, width: int, circular: bool, slack: int) -> Singles:
+    """Each slot adds its correlation at its place in the row, or up to ``slack`` columns beside it if it is more there.
+
+    Args:
+        correlation: (N_s, columns, B) with B references; below zero it counts as zero.
+        width: columns of a slot.
+        circular: the columns close a circle.
+        slack: columns.
+    """
+    correlation = np.maximum(correlation, 0.0)
+    near = correlation.copy()
+    for columns in range(1, slack + 1):
+        for beside in (columns, -columns):
+            np.maximum(near, moved(correlation, beside, circular), out=near)
+    total: Singles = near[0].copy()
+    for slot in range(1, len(near)):
+        add_moved(total, near[slot], slot * width, circular)
     return total
 
 

@@ -22,6 +22,7 @@ from topoloc.cli.main import run
 from topoloc.files import read_image, write_image
 from topoloc.geometry import compose, wrap
 from topoloc.metrics import METRICS
+from topoloc.picture_index import STORE_FOLDER
 from topoloc.recording import Recording
 from topoloc.recording_folder import RecordingWriter
 from topoloc.settings import Setting, parse_words
@@ -75,7 +76,9 @@ def place(tiny: Path, tmp_path: Path) -> Path:
 
 
 def content(folder: Path) -> dict[str, bytes | None]:
-    return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else None for p in folder.rglob("*")}
+    """All that lies there, but what maps keep for themselves (``topoloc.map_store``)."""
+    paths = [path for path in folder.rglob("*") if STORE_FOLDER not in path.parts]
+    return {str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None for path in paths}
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:

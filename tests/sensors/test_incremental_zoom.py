@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from benchmarks.worlds.lab import LabWorld
 from benchmarks.worlds.renderer import EYE_M, render_frame
 from benchmarks.worlds.settings import WorldSettings
-from sensors.ima import IMA, IMAConfig, best_of
+from sensors.digital_zoom import best_of
+from sensors.ima import IMA, IMAConfig
 from sensors.slot_matching import Matches
 from topoloc.geometry import compose, wrap
 from topoloc.types import Frame

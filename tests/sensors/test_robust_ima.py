@@ -15,9 +15,10 @@ from benchmarks.worlds.lab import LabWorld
 from benchmarks.worlds.settings import WorldSettings
 from sensors.ima import IMA
 from sensors.images import cut_views
-from sensors.robust_ima import RobustIMA, RobustIMAConfig, local_contrast, sums_within
+from sensors.local_contrast import local_contrast
+from sensors.robust_ima import RobustIMA, RobustIMAConfig
 from sensors.slot_correlation import FEW, make_reference
-from sensors.slot_matching import Matches, match_frames
+from sensors.slot_matching import Matches, match_frames, sums_within
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Frame
 

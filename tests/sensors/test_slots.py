@@ -10,7 +10,8 @@ from oracles.ima_literal import ima_literal, ncc
 
 from sensors.ima import IMA, IMAConfig
 from sensors.images import crop_centre, cut_views, resize
-from sensors.robust_ima import RobustIMA, RobustIMAConfig, local_contrast
+from sensors.local_contrast import local_contrast
+from sensors.robust_ima import RobustIMA, RobustIMAConfig
 from topoloc.geometry import wrap
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Frame, Image
