@@ -7,7 +7,7 @@ correlated with every place of every panorama's, as one slot; both also zoomed i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -27,6 +27,8 @@ CONTRAST_SHARE, CONTRAST_GREY = 1.0 / 12.0, 3.0
 the robust IMA's (``sensors.robust_ima``)."""
 FLAT = 1e-3
 """Variance of contrast below which a place says nothing."""
+TOGETHER = 256
+"""Panoramas whose stamps are matched together."""
 KEPT_MB = 256.0
 """For transforms of stamps at one zoom: those of some 13,000 panoramas [MB]."""
 
@@ -56,7 +58,8 @@ class CoarseStage:
         """
         zooms = _zooms(zoom)
         stamps = [known[f"stamps_{number}"] for number in range(len(zooms))]
-        return cls(camera, zooms, [make_reference(made, COLUMNS, FLAT, True, KEPT_MB) for made in stamps])
+        references = [make_reference(made, COLUMNS, FLAT, True, KEPT_MB) for made in stamps]
+        return cls(camera, zooms, [replace(reference, block=TOGETHER) for reference in references])
 
     def candidates(self, picture: Image, count: int) -> Ints:
         """Indices (count,) of the panoramas that a frame is most like, ascending.

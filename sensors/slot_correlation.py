@@ -22,7 +22,9 @@ Singles = NDArray[np.float32]
 FEW = 4
 """Up to so many references the product of columns is faster: 0.08 ms each against 0.03 and 0.2 for the frame."""
 BLOCK = 32
-"""References that are transformed back together: what they give stays in the cache of a core."""
+"""Panoramas of the default size that are transformed back together: what they give stays in the cache of a core."""
+TRANSFORMED = 8
+"""That are transformed together, likewise."""
 KEPT_MB = 1024.0
 """That a reference's transforms may take, unless told otherwise [MB]."""
 
@@ -40,6 +42,7 @@ class Reference:
         slot_width: columns of a slot.
         circular: the columns close a circle.
         kept_mb: memory for transforms [MB].
+        block: references that are matched together.
     """
 
     pixels: NDArray[np.generic]
@@ -47,6 +50,7 @@ class Reference:
     slot_width: int
     circular: bool
     kept_mb: float = KEPT_MB
+    block: int = BLOCK
     _kept: dict[int, Singles] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __len__(self) -> int:
@@ -64,14 +68,14 @@ class Reference:
 
     def chosen(self, which: Ints, kept_mb: float = 0.0) -> Reference:
         """Some of the references, by index."""
-        return Reference(self.pixels[which], self.scales[which], self.slot_width, self.circular, kept_mb)
+        return Reference(self.pixels[which], self.scales[which], self.slot_width, self.circular, kept_mb, self.block)
 
     def put(self, index: int, other: Reference) -> None:
         """Let the only reference of ``other`` take the place of one of these."""
         if not (self.pixels.flags.writeable and self.scales.flags.writeable):  # mapped from a map's folder
             self.pixels, self.scales = self.pixels.copy(), self.scales.copy()
         self.pixels[index], self.scales[index] = other.pixels[0], other.scales[0]
-        self._kept.pop(index // BLOCK, None)
+        self._kept.pop(index // self.block, None)
 
     def correlations(self, slots: Singles) -> Iterator[tuple[slice, Singles]]:
         """Normalised correlations, some references at a time.
@@ -84,12 +88,12 @@ class Reference:
             [-1, 1] but for rounding. 0 where either is flat, -1 where the slot would stick out.
         """
         spectrum = _SlotSpectrum(slots, self._length) if len(self) > FEW else None
-        for first in range(0, len(self), BLOCK):
-            block = slice(first, min(first + BLOCK, len(self)))
+        for first in range(0, len(self), self.block):
+            block = slice(first, min(first + self.block, len(self)))
             sums = (
                 _sums_of_columns(self._deviations(block), slots, self.circular)
                 if spectrum is None
-                else spectrum.correlated(self._transforms(first // BLOCK), self.columns)
+                else spectrum.correlated(self._transforms(first // self.block), self.columns)
             )
             correlation = np.empty(sums.shape, dtype=np.float32)
             np.multiply(sums, self.scales[block].T, out=correlation)
@@ -107,12 +111,17 @@ class Reference:
         """(F, B, 2 rows) Fourier transforms of a block's rows: real parts, then imaginary parts."""
         if number in self._kept:
             return self._kept[number]
-        pixels = self._deviations(slice(number * BLOCK, (number + 1) * BLOCK))
-        if self.circular and self._length > self.columns:
-            pixels = np.concatenate([pixels, pixels[:, :, : self.slot_width - 1]], axis=2)
-        spectra = fft.rfft(pixels, self._length, axis=2).transpose(2, 0, 1)
-        transforms = np.empty((*spectra.shape[:2], 2 * spectra.shape[2]), dtype=np.float32)
-        np.concatenate([spectra.real, spectra.imag], axis=2, out=transforms)
+        first, last = number * self.block, min((number + 1) * self.block, len(self))
+        rows = self.pixels.shape[1]
+        transforms = np.empty((self._length // 2 + 1, last - first, 2 * rows), dtype=np.float32)
+        for begin in range(first, last, TRANSFORMED):
+            part = slice(begin, min(begin + TRANSFORMED, last))
+            pixels = self._deviations(part)
+            if self.circular and self._length > self.columns:
+                pixels = np.concatenate([pixels, pixels[:, :, : self.slot_width - 1]], axis=2)
+            spectra = fft.rfft(pixels, self._length, axis=2).transpose(2, 0, 1)
+            into = transforms[:, part.start - first : part.stop - first]
+            into[..., :rows], into[..., rows:] = spectra.real, spectra.imag
         if self.kept_bytes + transforms.nbytes <= self.kept_mb * 1e6:
             self._kept[number] = transforms
         return transforms
