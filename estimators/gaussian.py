@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from topoloc.geometry import Floats, compose, covariance_root, rotate, wrap
+from topoloc.geometry import Floats, compose, rotate, wrap
 from topoloc.topo_map import TopoMap
 from topoloc.types import Evidence, Motion, WeightedPoses
 
@@ -46,7 +46,15 @@ def cubature_points(mean: Floats, covariance: Floats) -> WeightedPoses:
 
     A heading less known than any heading cannot be told on the circle: its deviation is shrunk to just below that.
     """
-    shrink = min(1.0, np.sqrt(0.999 * ANY_HEADING / max(covariance[2, 2], 1e-300)))
-    root = np.sqrt(3.0) * np.diag([1.0, 1.0, shrink]) @ covariance_root(covariance)  # columns: the points' deviations
-    poses = mean + np.concatenate([root.T, -root.T])
-    return WeightedPoses.uniform(np.column_stack([poses[:, :2], wrap(poses[:, 2])]))
+    return WeightedPoses.uniform(cubature_poses(mean[None], covariance[None]))
+
+
+def cubature_poses(means: Floats, covariances: Floats) -> Floats:
+    """(6 C, 3), the cubature points of one Gaussian after the other: means (C, 3), covariances (C, 3, 3)."""
+    values, vectors = np.linalg.eigh(covariances)
+    roots = vectors * np.sqrt(3.0 * np.maximum(values, 0.0))[:, None]  # columns: the points' deviations
+    roots[:, 2] *= np.sqrt(0.999 * ANY_HEADING / np.maximum(covariances[:, 2, 2], 0.999 * ANY_HEADING))[:, None]
+    deviations = roots.swapaxes(1, 2)
+    poses = (means[:, None] + np.concatenate([deviations, -deviations], axis=1)).reshape(-1, 3)
+    poses[:, 2] = wrap(poses[:, 2])
+    return np.asarray(poses)

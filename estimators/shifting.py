@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from functools import cache, lru_cache
 
 import numpy as np
 from scipy.linalg.blas import daxpy
@@ -27,8 +26,7 @@ class CellMotion:
     def __init__(self, area: FreeArea) -> None:
         self._area = area
         self._windows = reachable(area.free)
-        # by where they are and how long the kernels are, which hardly changes
-        self._line = lru_cache(maxsize=2 * len(self._windows))(self._new_line)
+        self._lines: dict[tuple[int, int, int], _Line] = {}
 
     def move(self, mass: Floats, cells: Floats, variances: Floats, turn: float) -> None:
         """Shift and blur each layer of mass (H, X, Y), then blur the heading; in place.
@@ -55,8 +53,14 @@ class CellMotion:
             for (columns, rows), part in zip(self._windows, arrived, strict=True):
                 mass[:, columns, rows] = part
 
-    def _new_line(self, window: int, gap_x: int, gap_y: int) -> _Line:
-        return _Line(self._area, self._windows[window], gap_x, gap_y)
+    def _line(self, window: int, gap_x: int, gap_y: int) -> _Line:
+        """The line of a window for kernels of such length; some are remembered, for the length hardly changes."""
+        key = window, gap_x, gap_y
+        if key not in self._lines:
+            while len(self._lines) >= 2 * len(self._windows):
+                del self._lines[next(iter(self._lines))]
+            self._lines[key] = _Line(self._area, self._windows[window], gap_x, gap_y)
+        return self._lines[key]
 
     def _moved(self, mass: Floats, shifts: Ints, variances: Floats, window: int) -> Iterator[Floats]:
         """The layers of mass (H, X, Y) after shift and blur, in a window and flat, one after the other."""
@@ -142,7 +146,7 @@ class _Line:
         self._inner = slice(self._margin, self._margin + self._columns * self._width)
         self._cells, self._before = np.zeros((2, self._inner.stop + self._margin))
         self._free = self._with_gaps(area.free)
-        self._passages = cache(self._passage)
+        self._passages: dict[tuple[int, int], Floats] = {}
 
     def take(self, layer: Floats, columns: int, rows: int) -> None:
         """Take a layer (X, Y), moved by whole cells, not through walls; what leaves the grid is lost."""
@@ -165,7 +169,7 @@ class _Line:
                 step = way * (self._width if axis == 0 else 1)
                 arriving = self._before[self._margin - step :][: len(blurred)]
                 if self._area.has_walls:
-                    arriving = arriving * self._passages(way, axis)
+                    arriving = arriving * self._passage(way, axis)
                 daxpy(arriving, blurred, a=taps[lag])
 
     def layer(self) -> Floats:
@@ -175,8 +179,11 @@ class _Line:
         return np.asarray(line.reshape(self._columns, -1)[self._window].reshape(-1))
 
     def _passage(self, lag: int, axis: int) -> Floats:
-        """1 for each cell that a step along an axis can reach."""
-        return self._with_gaps(self._area.passage(*((lag, 0) if axis == 0 else (0, lag))))
+        """1 for each cell that a step along an axis can reach; remembered."""
+        if (lag, axis) not in self._passages:
+            step = (lag, 0) if axis == 0 else (0, lag)
+            self._passages[lag, axis] = self._with_gaps(self._area.passage(*step))
+        return self._passages[lag, axis]
 
     def _with_gaps(self, cells: np.ndarray) -> Floats:
         """Cells (X, Y), yes or no, as numbers along the line."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -16,8 +17,8 @@ from topoloc import plugins
 from topoloc.estimate import node_masses
 from topoloc.localizer import Localizer
 from topoloc.metrics import Run, evaluate
-from topoloc.testing import check_estimator, check_headings, check_sensor
-from topoloc.types import Evidence, Frame
+from topoloc.testing import check_estimator, check_headings, check_sensor, evidence_for, toy_map
+from topoloc.types import Evidence, Frame, Motion
 
 SENSORS, ESTIMATORS = plugins.names(plugins.SENSORS), plugins.names(plugins.ESTIMATORS)
 UPDATES = 25
@@ -91,6 +92,22 @@ def test_every_sensor_with_every_estimator(sensor: str, estimator: str) -> None:
         assert accuracy > 2.0 / len(simulation.topo_map.nodes), "no better than guessing"
     if sensor == "ima" and estimator in ("activity", "grid", "particle"):
         assert accuracy > 0.7
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_an_estimator_goes_to_another_process_as_it_is(name: str) -> None:
+    topo_map = toy_map()
+    estimator = plugins.make_estimator(name)
+    estimator.reset(topo_map, np.random.default_rng(0))
+    motion = Motion(np.array([0.3, 0.0, 0.1]), np.diag([0.05, 0.05, 0.05]) ** 2)
+    estimator.update(evidence_for(topo_map, np.zeros(3)))
+    estimator.predict(motion)
+    there = pickle.loads(pickle.dumps(estimator))
+    for one in (estimator, there):
+        one.predict(motion)
+        one.update(evidence_for(topo_map, np.array([0.6, 0.0, 0.2])))
+    np.testing.assert_array_equal(there.belief.poses, estimator.belief.poses)
+    np.testing.assert_array_equal(there.belief.weights, estimator.belief.weights)
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)

@@ -7,12 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit, logit
 
-from topoloc.geometry import Floats, circular_mean, wrap
+from topoloc.geometry import Floats, circular_mean, cos_sin, wrap
 from topoloc.topo_map import TopoMap
 from topoloc.types import Estimate, Evidence, Status, WeightedPoses
 
 SUREST = 0.999
 """A belief of samples or cells that is surer than this says nothing by it."""
+CACHED = 8192
+"""Headings that are worked on at a time."""
+CANCELLED = 1e-5
+"""Length of a mean of unit vectors below which its direction is not good to 1e-9."""
+TIED = 1e-9
+"""Nodes are as likely where their masses differ by no more than this share."""
 SURPRISE = -20.0
 """A log-likelihood below this counts as this, and above its opposite as that: one look must not outweigh all else."""
 
@@ -78,10 +84,29 @@ def node_masses(belief: WeightedPoses, topo_map: TopoMap) -> Floats:
 
 def mean_and_covariance(poses: Floats, weights: Floats, spread: Floats) -> tuple[Floats, Floats]:
     """Mean pose (3,) and covariance (3, 3) of weighted poses (N, 3), headings on the circle, the spread added."""
+    return _moments(np.ascontiguousarray(poses.T), weights, spread)
+
+
+def _moments(columns: Floats, weights: Floats, spread: Floats) -> tuple[Floats, Floats]:
+    """``mean_and_covariance`` of columns (3, N) of poses: a row is one stretch of memory, which numpy is fastest at."""
     share = weights / weights.sum()
-    mean = np.array([*(share @ poses[:, :2]), circular_mean(poses[:, 2], share)])
-    deviation = np.column_stack([poses[:, :2] - mean[:2], wrap(poses[:, 2] - mean[2])])
-    return mean, (share[:, None] * deviation).T @ deviation + np.diag(spread)
+    mean = np.append(columns[:2] @ share, _mean_heading(columns[2], share))
+    deviation = columns - mean[:, None]
+    deviation[2] = wrap(deviation[2])
+    return mean, (share * deviation) @ deviation.T + np.diag(spread)
+
+
+def _mean_heading(headings: Floats, share: Floats) -> float:
+    """``circular_mean`` of headings (N,) with weights (N,) that sum to one, by parts that stay in the cache.
+
+    Headings that all but cancel have no direction but rounding's, which is left to ``circular_mean``.
+    """
+    resultant = np.zeros(2)
+    for part in (slice(first, first + CACHED) for first in range(0, len(headings), CACHED)):
+        resultant += np.stack(cos_sin(headings[part])) @ share[part]
+    if np.abs(resultant).max() < CANCELLED:
+        return circular_mean(headings, share)
+    return float(wrap(np.arctan2(resultant[1], resultant[0])))
 
 
 def estimate_from(
@@ -108,30 +133,32 @@ def estimate_from(
     masses = np.bincount(nearest, weights=weights, minlength=len(topo_map.nodes))
     leader = int(np.argmax(masses))
     mass = float(masses[leader])
-    tied = bool(np.isclose(np.delete(masses, leader), mass, rtol=1e-9, atol=0.0).any())
+    tied = np.count_nonzero(mass - masses <= TIED * mass) > 1
     pose, covariance = _leading_mode(belief, weights, nearest == leader, chosen.mode_radius_m)
     clues = (1.0, sureness(mass), log_evidence, agreement(evidence, pose))
     probability = float(expit(np.dot(chosen.coefficients, clues)))
     node = None if tied else leader
-    if tied or _astray(pose, topo_map, chosen.astray_m):
+    if tied or _astray(pose, topo_map, leader, chosen.astray_m):
         probability = 0.0
     return Estimate(pose, covariance, node, probability, _status(node, probability, chosen))
 
 
-def _astray(pose: Floats, topo_map: TopoMap, reach: float) -> bool:
-    """Whether a pose lies off the map; most lie near a node, and need no look at the edges."""
+def _astray(pose: Floats, topo_map: TopoMap, leader: int, reach: float) -> bool:
+    """Whether a pose lies off the map; most lie near the leading node, and need no look at the others or the edges."""
+    if np.linalg.norm(pose[:2] - topo_map.positions[leader]) <= reach:
+        return False
     place = pose[None, :2]
     return bool(topo_map.distance_to_nearest(place)[0] > reach and not topo_map.is_free(place, reach)[0])
 
 
 def _leading_mode(belief: WeightedPoses, weights: Floats, leading: np.ndarray, radius: float) -> tuple[Floats, Floats]:
     """Mean and covariance of the belief around its leading share (N,) bool: a mode does not end at a node's border."""
-    own = weights * leading
-    centre = own @ belief.poses[:, :2] / own.sum()
-    near = np.linalg.norm(belief.poses[:, :2] - centre, axis=1) <= radius
+    own, columns = weights * leading, np.ascontiguousarray(belief.poses.T)
+    x, y = columns[:2] - (own @ belief.poses[:, :2] / own.sum())[:, None]
+    near = np.sqrt(x * x + y * y) <= radius
     if weights[near].sum() == 0.0:  # the share is spread wide around an empty middle
         near = own > 0.0
-    return mean_and_covariance(belief.poses[near], weights[near], belief.spread)
+    return _moments(columns.compress(near, axis=1), weights[near], belief.spread)
 
 
 def _status(node: int | None, probability: float, rule: EstimateRule) -> Status:

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from topoloc.errors import UserError
 from topoloc.geometry import Floats, nearest_on_segment
+from topoloc.nearest_node import NearestNode
 from topoloc.pictures import held_in, lazy_pictures
 from topoloc.types import Image, Ints
 
@@ -23,6 +24,8 @@ WAY_POINT_M = 0.05
 """Between the points of an edge that a position's nearest edge is looked for by [m]."""
 MOST_WAY_POINTS = 1_000_000
 """Where there would be more of them, they are farther apart."""
+AROUND_M = 1.0
+"""Around the nodes and the free area, that robots are looked for in as fast as between the nodes [m]."""
 EDGE_REACH = 1.5
 """Without a list of edges, nodes closer than this many times the median nearest spacing are joined."""
 
@@ -190,7 +193,12 @@ class TopoMap:
 
     def nearest_node(self, positions: ArrayLike) -> Ints:
         """Index (P,) of the node nearest to each position (P, 2) [m]."""
-        return np.asarray(self._tree.query(np.asarray(positions, dtype=np.float64))[1], dtype=np.int64)
+        return self._nearest.of(np.asarray(positions, dtype=np.float64))
+
+    @cached_property
+    def _nearest(self) -> NearestNode:
+        corners = np.concatenate([self.positions - AROUND_M, self.positions + AROUND_M, *self.free])
+        return NearestNode(self._tree, corners.min(axis=0), corners.max(axis=0))
 
     def distance_to_nearest(self, positions: ArrayLike) -> Floats:
         """Distance (P,) from each position (P, 2) to the node nearest to it [m]."""

@@ -10,7 +10,6 @@ from functools import partial
 from itertools import cycle
 
 import numpy as np
-from filterpy import discrete_bayes
 
 from benchmarks.speed.agreement import same_masses
 from benchmarks.speed.case import Case, Pair
@@ -35,7 +34,7 @@ def corridor_step(cells: int) -> Case:
     Args:
         cells: length of the corridor, two of them beyond its end nodes.
     """
-    return Case("estimators", "grid-1d", f"{cells:,} cells in a row", "filterpy", (), partial(_pair, cells))
+    return Case("estimators", "grid-1d", f"{cells:,} cells in a row", "filterpy", ("filterpy",), partial(_pair, cells))
 
 
 def _pair(cells: int) -> Pair:
@@ -102,6 +101,8 @@ class FilterpyCorridor:
 
     def step(self) -> None:
         """Move and look."""
+        from filterpy import discrete_bayes
+
         predicted = discrete_bayes.predict(self.mass, next(self._steps), KERNEL, mode="constant")
         likelihood = np.exp(self._seen.log_likelihood(self._places, np.zeros((1, 1)))[:, 0])
         self.mass = discrete_bayes.update(likelihood, predicted)

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from filterpy import monte_carlo
 
 from benchmarks.speed.agreement import global_numbers_from, same_in_distribution, same_numbers
 from benchmarks.speed.case import Case, Pair
@@ -31,8 +30,8 @@ def filterpy_resampling(name: str, count: int) -> Case:
     The multinomial's are drawn in another order, and so only in distribution the same.
     """
     same = same_counts if name == "multinomial" else same_indices
-    prepare = partial(_pair, name, getattr(monte_carlo, f"{name}_resample"), count, same)
-    return Case("estimators", "resampling", _size(name, count), "filterpy", (), prepare)
+    prepare = partial(_filterpy, name, count, same)
+    return Case("estimators", "resampling", _size(name, count), "filterpy", ("filterpy",), prepare)
 
 
 def particles_resampling(name: str, count: int, same_algorithm: bool) -> Case:
@@ -43,6 +42,12 @@ def particles_resampling(name: str, count: int, same_algorithm: bool) -> Case:
 
 def _size(name: str, count: int) -> str:
     return f"{count:,}, {name}"
+
+
+def _filterpy(name: str, count: int, same: Callable[[str, PeerResampler, Floats], bool]) -> Pair:
+    from filterpy import monte_carlo
+
+    return _pair(name, getattr(monte_carlo, f"{name}_resample"), count, same)
 
 
 def _particles(name: str, count: int, same_algorithm: bool) -> Pair:

@@ -6,7 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from topoloc.estimate import SURPRISE, EstimateRule, agreement, estimate_from, mean_and_covariance, node_masses
+from topoloc.estimate import (
+    SUREST,
+    SURPRISE,
+    EstimateRule,
+    agreement,
+    estimate_from,
+    mean_and_covariance,
+    node_masses,
+)
+from topoloc.geometry import circular_mean, wrap
 from topoloc.testing import evidence_for, toy_map
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Evidence, Status, WeightedPoses
@@ -130,6 +139,52 @@ def test_a_robot_far_off_the_map_is_lost_and_at_no_node() -> None:
         assert (estimate.probability == 0.0) == (status is Status.LOST)
     corridor = TopoMap("corridor", Camera(), (Node("a", "", 0.0, 0.0), Node("b", "", 20.0, 0.0)))
     assert estimate_from(WeightedPoses.uniform(np.array([[9.0, 0.0, 0.0]])), corridor).status is Status.LOCALIZED
+
+
+def estimate_written_out(belief: WeightedPoses, radius: float) -> tuple[int | None, float, np.ndarray, np.ndarray]:
+    """Node, mass, mean and covariance, step by step as the formulas have it, on the map ``LINE``."""
+    weights = np.exp(belief.log_weights) / np.exp(belief.log_weights).sum()
+    distance = np.linalg.norm(belief.poses[:, None, :2] - LINE.positions, axis=2)
+    nearest = np.argmin(distance, axis=1)
+    masses = np.array([weights[nearest == node].sum() for node in range(4)])
+    leader = int(np.argmax(masses))
+    tied = np.isclose(np.delete(masses, leader), masses[leader], rtol=1e-9, atol=0.0).any()
+    own = weights * (nearest == leader)
+    centre = own @ belief.poses[:, :2] / own.sum()
+    near = np.linalg.norm(belief.poses[:, :2] - centre, axis=1) <= radius
+    share = weights[near] / weights[near].sum()
+    poses = belief.poses[near]
+    mean = np.array([*(share @ poses[:, :2]), circular_mean(poses[:, 2], share)])
+    deviation = np.column_stack([poses[:, :2] - mean[:2], wrap(poses[:, 2] - mean[2])])
+    covariance = (share[:, None] * deviation).T @ deviation + np.diag(belief.spread)
+    return None if tied else leader, float(masses[leader]), mean, covariance
+
+
+class TestWrittenOut:
+    @pytest.mark.parametrize("count", [1, 100, 1000, 30_000])
+    @pytest.mark.parametrize("radius", [1.0, 0.3, math.inf])
+    def test_a_cloud(self, count: int, radius: float) -> None:
+        """30,000 are more than are worked on at a time, and make the map's table of nearest nodes."""
+        rng = np.random.default_rng(count)
+        poses = np.column_stack([rng.normal(1.3, 0.8, (count, 2)), wrap(rng.normal(3.0, 0.7, count))])
+        belief = WeightedPoses(poses, rng.normal(0.0, 1.0, count), np.array([0.01, 0.02, 0.03]))
+        node, mass, mean, covariance = estimate_written_out(belief, radius)
+        estimate = estimate_from(belief, LINE, rule=EstimateRule(mode_radius_m=radius, astray_m=math.inf))
+        assert estimate.node == node
+        assert estimate.probability == pytest.approx(min(mass, SUREST), abs=1e-9)
+        np.testing.assert_allclose(estimate.pose, mean, atol=1e-9)
+        np.testing.assert_allclose(estimate.covariance, covariance, atol=1e-9)
+
+    def test_a_tie_and_headings_all_around(self) -> None:
+        """Where headings cancel the direction is rounding's: the same as ever, or recorded runs would not repeat."""
+        headings = wrap(np.arange(24) * np.pi / 12.0)
+        rows = [(x, 0.1, heading) for x in (0.0, 0.1, 2.0, 2.1) for heading in headings]
+        belief = belief_of(rows, [1.0] * len(rows), 0.01)
+        node, _, mean, covariance = estimate_written_out(belief, 1.0)
+        estimate = estimate_from(belief, LINE)
+        assert estimate.node is None and node is None
+        np.testing.assert_allclose(estimate.pose, mean, atol=1e-9)
+        np.testing.assert_allclose(estimate.covariance, covariance, atol=1e-9)
 
 
 class TestAgreement:
