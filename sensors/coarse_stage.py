@@ -6,8 +6,8 @@ correlated with every place of every panorama's, as one slot; both also zoomed i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -17,7 +17,8 @@ from sensors.digital_zoom import scaled
 from sensors.local_contrast import local_contrast
 from sensors.slot_correlation import Reference, make_reference
 from sensors.slot_matching import match_frames, sums_within
-from topoloc.topo_map import Camera
+from topoloc.map_store import precomputed
+from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Image, Ints, Pixels
 
 COLUMNS = 24
@@ -48,18 +49,25 @@ class CoarseStage:
     references: Sequence[Reference]
 
     @classmethod
-    def of(cls, camera: Camera, zoom: float, known: Mapping[str, Pixels]) -> CoarseStage:
-        """A coarse stage of stamps that are made.
+    def fitted(
+        cls, topo_map: TopoMap, zoom: float, circle_of: Callable[[Node], Image], filtering: tuple[object, ...]
+    ) -> CoarseStage:
+        """A coarse stage for a map; its stamps are kept beside the map (``topoloc.map_store``).
 
         Args:
-            camera: of map and frames.
+            topo_map: with a panorama at each node.
             zoom: the farthest that IMA tries, of panoramas.
-            known: arrays (K, ...) under the names that ``stamps_of`` gives.
+            circle_of: the panorama of a node, grey and filtered.
+            filtering: what ``circle_of`` depends on besides the node.
         """
-        zooms = _zooms(zoom)
-        stamps = [known[f"stamps_{number}"] for number in range(len(zooms))]
-        references = [make_reference(made, COLUMNS, FLAT, True, KEPT_MB) for made in stamps]
-        return cls(camera, zooms, [replace(reference, block=TOGETHER) for reference in references])
+        zooms = [1.0, zoom] if zoom > 1.0 else [1.0]
+        key = COLUMNS, CONTRAST_SHARE, CONTRAST_GREY, FLAT, zooms, filtering
+        known = precomputed(topo_map, "stamps", key, lambda: _stamps_of(topo_map, zooms, circle_of))
+        references = [
+            Reference(known[f"stamps_{number}"], known[f"scales_{number}"], COLUMNS, True, KEPT_MB, TOGETHER)
+            for number in range(len(zooms))
+        ]
+        return cls(topo_map.camera, zooms, references)
 
     def candidates(self, picture: Image, count: int) -> Ints:
         """Indices (count,) of the panoramas that a frame is most like, ascending.
@@ -83,13 +91,18 @@ class CoarseStage:
             reference.put(index, make_reference(stamp[None], reference.slot_width, FLAT, circular=True))
 
 
-def stamps_of(circle: Image, camera: Camera, zoom: float) -> dict[str, Pixels]:
-    """What ``CoarseStage.of`` takes of a panorama, grey and filtered, by name: (rows, columns) each."""
-    return {f"stamps_{number}": circle_stamp(circle, camera, each) for number, each in enumerate(_zooms(zoom))}
-
-
-def _zooms(zoom: float) -> list[float]:
-    return [1.0, zoom] if zoom > 1.0 else [1.0]
+def _stamps_of(topo_map: TopoMap, zooms: Sequence[float], circle_of: Callable[[Node], Image]) -> dict[str, Pixels]:
+    """Stamps of all panoramas and their scales, by name; a panorama at a time is in memory at full size."""
+    made: list[list[Pixels]] = [[] for _ in zooms]
+    for node in topo_map.nodes:
+        circle = circle_of(node)
+        for stamps, zoom in zip(made, zooms, strict=True):
+            stamps.append(circle_stamp(circle, topo_map.camera, zoom))
+    arrays: dict[str, Pixels] = {}
+    for number, stamps in enumerate(made):
+        together = arrays[f"stamps_{number}"] = np.stack(stamps)
+        arrays[f"scales_{number}"] = make_reference(together, COLUMNS, FLAT, circular=True).scales
+    return arrays
 
 
 def _rows(camera: Camera) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from sensors.coarse_stage import CoarseStage, stamps_of
+from sensors.coarse_stage import CoarseStage
 from sensors.digital_zoom import advances_of, best_of, scaled
 from sensors.images import camera_on_nodes, clahe, cut_views, grey
 from sensors.slot_correlation import KEPT_MB, Reference, make_reference
@@ -42,6 +42,8 @@ ONLY_FOR_LOOKS = frozenset(
     }
 )
 """Settings that what is precomputed of a map does not depend on."""
+MATCHED_FOR_A_CANDIDATE = 3
+"""Panoramas that are matched in the time of one candidate, whose transforms are not kept."""
 CALIBRATION_NODES, CALIBRATION_STRIDE, CALIBRATION_OTHERS = 16, 4, 64
 """``fit`` matches views of at most so many nodes, of each one direction in so many, with at most so many others."""
 
@@ -76,7 +78,8 @@ class IMAConfig:
         memory_mb: memory for what is precomputed of the panoramas beside their scaled pictures: with the defaults 0.3
             MB a node. What finds no room is made anew at each look, which takes three times as long [MB].
         candidates: nodes that a coarse stage leaves to be matched, for maps of thousands of nodes; the others get no
-            hypothesis. 0: all are matched.
+            hypothesis. 0: all are matched, and so they are on maps of less than three times as many nodes, where that
+            is faster. The coarse stage has up to 512 MB of its own.
     """
 
     scale_columns: int = THESIS.scale_columns
@@ -172,7 +175,7 @@ class IMA:
         self._rows = max(1, round(self.config.scale_columns * self._camera.height / self._camera.width))
         known = self._known_of(topo_map)
         self._references = [self._reference(known, number) for number in range(len(self.reference_zooms()))]
-        self._coarse = CoarseStage.of(self._camera, self.reference_zooms()[-1], known) if self._is_coarse else None
+        self._coarse = self._coarse_stage(topo_map)
         self._scale_by(known["wrong"], known["weights"], known["distances"])
 
     def observe(self, frame: Frame) -> Evidence:
@@ -189,17 +192,13 @@ class IMA:
 
     def _candidates(self, picture: Image) -> Ints:
         """Indices of the nodes whose panoramas are matched, ascending: all, or those that the coarse stage picks."""
-        if self._coarse is None or self.config.candidates >= len(self._positions):
+        if self._coarse is None:
             return np.arange(len(self._positions))
         return self._coarse.candidates(picture, self.config.candidates)
 
     def _chosen(self, nodes: Ints, kept_mb: float = 0.0) -> list[Reference]:
         """The panoramas of some nodes, by index."""
         return [ready.chosen(nodes, kept_mb) for ready in self._references]
-
-    @property
-    def _is_coarse(self) -> bool:
-        return self.config.candidates > 0
 
     def prepare(self, panorama: Image) -> list[Reference]:
         """A panorama of the map made ready as ``fit`` does with every node's: plain, and zoomed in, each with K = 1."""
@@ -307,8 +306,19 @@ class IMA:
         if "store" not in vars(type(self)):
             return self._prepared_map(topo_map)
         settings = {name: value for name, value in asdict(self.config).items() if name not in ONLY_FOR_LOOKS}
-        key = PREPARED, sorted(settings.items()), self._is_coarse
+        key = PREPARED, sorted(settings.items())
         return precomputed(topo_map, self.store, key, lambda: self._prepared_map(topo_map))
+
+    def _coarse_stage(self, topo_map: TopoMap) -> CoarseStage | None:
+        """None where all panoramas are to be matched, or where that takes no longer."""
+        if not 0 < self.config.candidates * MATCHED_FOR_A_CANDIDATE <= len(topo_map.nodes):
+            return None
+
+        def circle_of(node: Node) -> Image:
+            return self._filtered(panorama_of(node), self._filtering, self._camera.hfov_deg)
+
+        filtering = self._filtering, self.config.clahe_clip_limit, self.config.clahe_tiles
+        return CoarseStage.fitted(topo_map, self.reference_zooms()[-1], circle_of, filtering)
 
     def _prepared_map(self, topo_map: TopoMap) -> dict[str, Pixels]:
         """Arrays of all panoramas, and what wrong nodes give; a panorama at a time is in memory at full size."""
@@ -316,8 +326,6 @@ class IMA:
         for index, node in enumerate(topo_map.nodes):
             circle = self._filtered(panorama_of(node), self._filtering, self._camera.hfov_deg)
             pictures = {f"pixels_{number}": picture for number, picture in enumerate(self._circles(circle))}
-            if self._is_coarse:
-                pictures |= stamps_of(circle, self._camera, self.reference_zooms()[-1])
             for name, picture in pictures.items():
                 if index == 0:
                     made[name] = np.empty((len(topo_map.nodes), *picture.shape), picture.dtype)

@@ -42,6 +42,7 @@ class RobustIMAConfig(IMAConfig):
         sigma_m: how far around a hypothesis a match holds [m].
         kappa_fall: how fast the log of the heading's concentration falls with the match, per unit.
         sure_margin: match above the mean of wrong nodes from which on a match is sure.
+        memory_mb: as for IMA; with these defaults 0.64 MB a node [MB].
     """
 
     zoom: float = 1.3

@@ -56,6 +56,10 @@ class Reference:
     def __len__(self) -> int:
         return len(self.pixels)
 
+    def __getstate__(self) -> dict[str, object]:
+        """What another process gets: transforms are made anew there."""
+        return {**self.__dict__, "_kept": {}}
+
     @property
     def columns(self) -> int:
         """Of each reference."""

@@ -67,6 +67,8 @@ def read_arrays(folder: Path) -> Arrays | None:
     """
     try:
         said = json.loads((folder / LIST_FILE).read_text(encoding="utf-8"))
+        if not said:
+            return None
         digests = {name: str(row[-1]) for name, row in said.items()}
         moved = [name for name, row in said.items() if [*FileStamp.of(folder / f"{name}.npy")] != row[:-1]]
         if any(digest_of(folder / f"{name}.npy") != digests[name] for name in moved):

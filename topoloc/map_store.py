@@ -142,8 +142,9 @@ def _begin(store: Path) -> OSError | None:
     """Make the store's folder, which git leaves out; what stands against it, if anything."""
     try:
         store.mkdir(exist_ok=True)
-        if not (store / ".gitignore").exists():
-            (store / ".gitignore").write_text("*\n")
+        ignore = store / ".gitignore"
+        if not ignore.exists() or not ignore.stat().st_size:  # a full disk may have left it empty
+            ignore.write_text("*\n")
     except OSError as error:
         return error
     return None
