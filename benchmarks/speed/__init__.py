@@ -6,6 +6,7 @@ from benchmarks.speed.case import Case
 from benchmarks.speed.corridor import corridor_step
 from benchmarks.speed.grid import Hall, grid_predict, grid_update
 from benchmarks.speed.image_matching import ima_match, opencv_correlation, skimage_correlation
+from benchmarks.speed.large_maps import CASES as LARGE_MAPS
 from benchmarks.speed.likelihood import log_likelihood, plain_log_likelihood
 from benchmarks.speed.particle_step import particle_filter_step
 from benchmarks.speed.resampling import filterpy_resampling, particles_resampling
@@ -19,6 +20,7 @@ PANORAMAS = (8, 100, 1_000)
 CASES: tuple[Case, ...] = (
     *(ima_match(count, "cv2.matchTemplate", opencv_correlation) for count in PANORAMAS),
     *(ima_match(count, "skimage", skimage_correlation, ("skimage",)) for count in PANORAMAS[:2]),
+    *LARGE_MAPS,
     *NEAREST_VIEWS,
     *(particle_filter_step(count, log_likelihood, "particles") for count in PARTICLES),
     *(particle_filter_step(count, plain_log_likelihood, "particles, plain") for count in PARTICLES),

@@ -363,7 +363,9 @@ def test_every_comparison_is_in_the_list_once() -> None:
     assert len(set(rows)) == len(rows)
     assert {case.what for case in registry.CASES} >= {
         "ima",
+        "ima-candidates",
         "kalman-step",
+        "map-open",
         "nearest-histogram",
         "nearest-pca",
         "particle-step",
