@@ -42,8 +42,8 @@ ONLY_FOR_LOOKS = frozenset(
     }
 )
 """Settings that what is precomputed of a map does not depend on."""
-MATCHED_FOR_A_CANDIDATE = 3
-"""Panoramas that are matched in the time of one candidate, whose transforms are not kept."""
+MATCHED_FOR_A_CANDIDATE = 4
+"""Panoramas that are matched in the time of one candidate, whose transforms are not kept, the coarse stage included."""
 CALIBRATION_NODES, CALIBRATION_STRIDE, CALIBRATION_OTHERS = 16, 4, 64
 """``fit`` matches views of at most so many nodes, of each one direction in so many, with at most so many others."""
 
@@ -78,7 +78,7 @@ class IMAConfig:
         memory_mb: memory for what is precomputed of the panoramas beside their scaled pictures: with the defaults 0.3
             MB a node. What finds no room is made anew at each look, which takes three times as long [MB].
         candidates: nodes that a coarse stage leaves to be matched, for maps of thousands of nodes; the others get no
-            hypothesis. 0: all are matched, and so they are on maps of less than three times as many nodes, where that
+            hypothesis. 0: all are matched, and so they are on maps of less than four times as many nodes, where that
             is faster. The coarse stage has up to 512 MB of its own.
     """
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,9 +18,10 @@ if TYPE_CHECKING:
     from benchmarks.speed.case import Case, Result
     from benchmarks.speed.growth import Growth
     from benchmarks.speed.machine import Limits
-    from benchmarks.speed.profile import PairProfile
+    from benchmarks.speed.profile import Profiled
 
 REPEATS = 21
+"""Samples of each, where no other number is asked for."""
 EXIT_ANSWERS_DIFFER = 1
 GROWTH, MACHINE, PROFILE = "growth", "machine", "profile"
 """What can be asked for beside the comparisons."""
@@ -28,7 +30,9 @@ GROWTH, MACHINE, PROFILE = "growth", "machine", "profile"
 def speed(
     what: Annotated[str | None, Parameter(help="Only this work or group, growth, machine, or profile.")] = None,
     *,
-    repeats: Annotated[int, Parameter(help="Samples of ours and of the peer's, fewer where they take long.")] = REPEATS,
+    repeats: Annotated[
+        int | None, Parameter(help=f"Samples of ours and of the peer's, fewer where they take long [default: {REPEATS}].")
+    ] = None,
     full: Annotated[bool, Parameter(help="Growth up to the largest sizes: many minutes.", negative="")] = False,
     plot: Annotated[Path | None, Parameter(help="Draw growth into this new .png file.")] = None,
     as_json: Annotated[bool, Parameter(name="--json", help="Print a list of rows instead.", negative="")] = False,
@@ -50,7 +54,7 @@ def speed(
     cases = list(registry.CASES) if what is None else choose(registry.CASES, what)
     if not cases and what not in (None, GROWTH, MACHINE, PROFILE):
         raise UnknownName("comparison", what, [*names(registry.CASES), GROWTH, MACHINE, PROFILE])
-    results = _compare(cases, repeats)
+    results = _compare(cases, REPEATS if repeats is None else repeats)
     growths = _grow(full) if what in (None, GROWTH) else []
     profiles = _profile() if what == PROFILE else []
     if plot is not None:
@@ -67,12 +71,14 @@ def speed(
     return 0 if all(result.agree for result in results) else EXIT_ANSWERS_DIFFER
 
 
-def _check(what: str | None, repeats: int, full: bool, plot: Path | None) -> None:
+def _check(what: str | None, repeats: int | None, full: bool, plot: Path | None) -> None:
     """Refuse what cannot be meant, before anything is measured."""
     from topoloc.files import refuse_to_overwrite
 
-    if repeats < 1:
+    if repeats is not None and repeats < 1:
         raise UserError(f"--repeats is {repeats}; give a whole number from 1 on")
+    if repeats is not None and what in (GROWTH, MACHINE, PROFILE):
+        raise UserError(f"--repeats is about comparisons, which 'topoloc speed {what}' leaves out; leave it away")
     if what not in (None, GROWTH) and (full or plot is not None):
         option = "--full" if full else "--plot"
         raise UserError(f"{option} is about growth, which 'topoloc speed {what}' leaves out; say topoloc speed growth")
@@ -90,25 +96,36 @@ def _compare(cases: Sequence[Case], repeats: int) -> list[Result]:
     for package, count in Counter(package for case in cases for package in case.missing).items():
         print(f"{package}: not installed; make speed installs it; left out: {count} of {len(cases)}", file=sys.stderr)
     able = [case for case in cases if not case.missing]
+    if not able:
+        return []  # and no bar
     return [measure(case, repeats) for case in track(able, "measuring")]
 
 
 def _grow(full: bool) -> list[Growth]:
     from benchmarks.speed.growers import growers
-    from benchmarks.speed.growth import BUDGET_S, grow
-    from topoloc.cli.progress import track
+    from benchmarks.speed.growth import grow
+    from topoloc.cli.progress import bar
 
     rows = growers()
-    if not full and rows:
-        print(f"growth: {len(rows)} rows of about {BUDGET_S:.0f} s each; --full measures all sizes", file=sys.stderr)
-    return [grow(row, float("inf") if full else BUDGET_S) for row in track(rows, "growing")]
+    if not full:
+        seconds = sum(row.budget_s for row in rows)
+        print(f"growth: {len(rows)} rows of about {seconds:.0f} s in all; --full measures all sizes", file=sys.stderr)
+    growths = []
+    with bar() as progress:
+        task = progress.add_task("growing", total=sum(len(row.sizes) for row in rows))
+        for row in rows:
+            progress.update(task, description=row.name)
+            growths.append(grow(row, float("inf") if full else row.budget_s, partial(progress.advance, task)))
+    return growths
 
 
-def _profile() -> list[PairProfile]:
+def _profile() -> list[Profiled]:
     from benchmarks.speed.profile import PAIRS, profile_pair
+    from benchmarks.speed.profile_look import profile_look
     from topoloc.cli.progress import track
 
-    return [profile_pair(*pair) for pair in track(PAIRS, "profiling")]
+    calls: list[Callable[[], Profiled]] = [*(partial(profile_pair, *pair) for pair in PAIRS), profile_look]
+    return [call() for call in track(calls, "profiling")]
 
 
 def _draw(plot: Path, growths: Sequence[Growth]) -> None:
@@ -120,7 +137,7 @@ def _draw(plot: Path, growths: Sequence[Growth]) -> None:
 
 
 def _print(
-    results: Sequence[Result], growths: Sequence[Growth], profiles: Sequence[PairProfile], machine: Limits
+    results: Sequence[Result], growths: Sequence[Growth], profiles: Sequence[Profiled], machine: Limits
 ) -> None:
     from benchmarks.speed.screen import make_console, print_growths, print_limits, print_profiles, print_results
 

@@ -74,14 +74,19 @@ def _bare(share: Share) -> str:
 
 
 def growth_line(results: Sequence[Result]) -> str:
-    """How the time of a look grows with the map: an exponent for exact IMA and for each number of candidates."""
+    """How the time of a look grows with the map: an exponent for exact IMA and for each number of candidates.
+
+    Empty where no number of candidates was measured on two sizes or more.
+    """
     words = []
     for count in dict.fromkeys(result.candidates for result in results):
         rows = [result for result in results if result.candidates == count]
         nodes = [result.nodes for result in rows]
+        if len(set(nodes)) < 2:
+            continue
         exact, coarse = (growth(nodes, [getattr(row, name) for row in rows]) for name in ("exact_ms", "coarse_ms"))
         words.append(f"{count or 'all'} candidates: exact nodes^{exact:.2f}, coarse nodes^{coarse:.2f}")
-    return "time of a look grows as " + "; ".join(words)
+    return "time of a look grows as " + "; ".join(words) if words else ""
 
 
 def fidelity_table(rows: Iterable[Row]) -> str:

@@ -6,7 +6,7 @@ Maps are regular grids of nodes a metre apart; pictures are noise drawn from a s
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import cycle
 from math import isqrt
@@ -14,18 +14,18 @@ from math import isqrt
 import numpy as np
 
 from benchmarks.speed.grid import Hall
-from benchmarks.speed.growth import Grower, SetUp, Step
+from benchmarks.speed.growth import BUDGET_S, Grower, SetUp, Step
 from benchmarks.speed.particle_step import HALL, MOTION, SEEN
 from benchmarks.speed.pictures import noise_pictures
 from estimators.activity import ActivityTracker
 from estimators.markov import MarkovGrid
 from estimators.particle import ParticleFilter
+from sensors.fourier import FourierSignature
 from sensors.histogram import ColorHistogram
 from sensors.ima import IMA, IMAConfig
 from sensors.pca import PCAMap
 from topoloc.geometry import between
 from topoloc.interfaces import Estimator, Sensor
-from topoloc.plugins import make_sensor
 from topoloc.testing import evidence_for, toy_map
 from topoloc.topo_map import Camera, Node, TopoMap, View
 from topoloc.types import Evidence, Frame, Image, Motion
@@ -37,8 +37,14 @@ CELLS = tuple(LAYERS * side**2 for side in (20, 65, 204, 645))
 """Of square halls, all headings counted: 9,600 to 9,984,600."""
 CANDIDATES = 100
 """Of the coarse stage of IMA."""
+ROOM_MB = 6000.0
+"""That exact IMA may keep, so that on no map here it makes anything anew [MB]."""
+IMA_BUDGET_S = 25.0
+"""By default [s], so that IMA reaches 3,000 nodes."""
 CIRCLE_CAMERA, VIEW_CAMERA = Camera(40.0, 72, 54), Camera(60.0, 64, 48)
 """As small as IMA scales its pictures, and of the size of the third seed's views."""
+OMNI_CAMERA = Camera(45.0, 32, 56)
+"""Its panoramas have the 256 columns that ``fourier`` scales to, so that frames are full circles of the same size."""
 VIEWS = 4
 """Of a node, one each way."""
 LOOKS = 5
@@ -48,38 +54,71 @@ ROUND = 12
 
 
 def growers() -> tuple[Grower, ...]:
-    """All of them; the coarse stage of IMA as far as there is one."""
-    sensors: list[tuple[str, Callable[[], Sensor], Callable[[int], tuple[TopoMap, Image]]]] = [
-        ("ima", IMA, panoramas),
-        ("pca", PCAMap, views),
-        ("histogram", ColorHistogram, views),
+    """All of them."""
+    exact, coarse = IMAConfig(memory_mb=ROOM_MB), IMAConfig(candidates=CANDIDATES)
+    sensors: list[tuple[str, Callable[[], Sensor], Pictured, float]] = [
+        (f"ima, memory_mb {ROOM_MB:.0f}", partial(IMA, exact), panoramas, IMA_BUDGET_S),
+        (f"ima, {CANDIDATES} candidates", partial(IMA, coarse), panoramas, IMA_BUDGET_S),
+        ("pca", PCAMap, views, BUDGET_S),
+        ("histogram", ColorHistogram, views, BUDGET_S),
+        ("fourier", FourierSignature, circles, BUDGET_S),
     ]
-    if "candidates" in (field.name for field in fields(IMAConfig)):
-        coarse = partial(make_sensor, "ima", {"candidates": CANDIDATES})
-        sensors.insert(1, (f"ima, {CANDIDATES} candidates", coarse, panoramas))
     estimators: list[tuple[str, Callable[[], Estimator]]] = [
         ("activity", ActivityTracker),
         ("grid", MarkovGrid),
         ("particle, 1,000 particles", ParticleFilter),
     ]
     return (
-        *(Grower(name, "nodes", NODES, partial(_looks, make, pictured)) for name, make, pictured in sensors),
+        *(Grower(name, "nodes", NODES, partial(_looks, make, made), budget) for name, make, made, budget in sensors),
         *(Grower(name, "nodes", NODES, partial(_updates, make)) for name, make in estimators),
         Grower("particle, 10 hypotheses", "particles", PARTICLES, _particles),
         Grower("grid, 10 hypotheses", "cells", CELLS, _cells),
     )
 
 
-def panoramas(count: int) -> tuple[TopoMap, Image]:
-    """A map of so many panoramas, and frames (LOOKS, rows, columns) that show some of them."""
-    rng, columns = np.random.default_rng(count), CIRCLE_CAMERA.panorama_columns()
-    circles = noise_pictures(rng, count, CIRCLE_CAMERA.height, columns)
-    nodes = [Node(str(k), str(k), *place, 0.0, circles[k]) for k, place in enumerate(_places(count))]
-    shown = circles[rng.integers(0, count, LOOKS), :, : CIRCLE_CAMERA.width]
-    return TopoMap("noise", CIRCLE_CAMERA, tuple(nodes)), _seen(shown, rng)
+@dataclass(frozen=True)
+class Pictures:
+    """A map, and what a robot sees on it.
+
+    Attributes:
+        topo_map: with panoramas or views.
+        kind: of the frames, as in ``Frame.images``.
+        frames: ``LOOKS`` pictures that show some of the map's.
+    """
+
+    topo_map: TopoMap
+    kind: str
+    frames: Image
 
 
-def views(count: int) -> tuple[TopoMap, Image]:
+Pictured = Callable[[int], Pictures]
+"""Makes a map of so many nodes."""
+
+
+def panoramas(count: int) -> Pictures:
+    """A map of so many panoramas, and frames (LOOKS, rows, columns) that show a part of one."""
+    rng = np.random.default_rng(count)
+    topo_map, made = _map_of_panoramas(rng, count, CIRCLE_CAMERA, channels=1)
+    shown = made[rng.integers(0, count, LOOKS), :, : CIRCLE_CAMERA.width]
+    return Pictures(topo_map, "rgb", _seen(shown, rng))
+
+
+def circles(count: int) -> Pictures:
+    """A map of so many panoramas, and full circles (LOOKS, rows, columns, 3) as frames, turned."""
+    rng = np.random.default_rng(count)
+    topo_map, made = _map_of_panoramas(rng, count, OMNI_CAMERA, channels=3)
+    shown = np.roll(made[rng.integers(0, count, LOOKS)], rng.integers(OMNI_CAMERA.panorama_columns()), axis=2)
+    return Pictures(topo_map, "omni", _seen(shown, rng))
+
+
+def _map_of_panoramas(rng: np.random.Generator, count: int, camera: Camera, channels: int) -> tuple[TopoMap, Image]:
+    """The map, and its panoramas (K, rows, columns[, 3])."""
+    made = noise_pictures(rng, count, camera.height, camera.panorama_columns(), channels)
+    nodes = tuple(Node(str(k), str(k), *place, 0.0, made[k]) for k, place in enumerate(_places(count)))
+    return TopoMap("noise", camera, nodes), made
+
+
+def views(count: int) -> Pictures:
     """A map of so many nodes with ``VIEWS`` views each, and frames (LOOKS, rows, columns, 3) that show some of them."""
     rng, places = np.random.default_rng(count), _places(count)
     pictures = noise_pictures(rng, VIEWS * count, VIEW_CAMERA.height, VIEW_CAMERA.width, channels=3)
@@ -87,7 +126,7 @@ def views(count: int) -> tuple[TopoMap, Image]:
     nodes = tuple(Node(str(k), str(k), *place) for k, place in enumerate(places))
     made = tuple(View(pose, picture) for pose, picture in zip(poses, pictures, strict=True))
     shown = pictures[rng.integers(0, len(pictures), LOOKS)]
-    return TopoMap("noise", VIEW_CAMERA, nodes, views=made), _seen(shown, rng)
+    return Pictures(TopoMap("noise", VIEW_CAMERA, nodes, views=made), "rgb", _seen(shown, rng))
 
 
 def _seen(shown: Image, rng: np.random.Generator) -> Image:
@@ -101,13 +140,18 @@ def _places(count: int) -> list[tuple[float, float]]:
     return [(float(k % side), float(k // side)) for k in range(count)]
 
 
-def _looks(make: Callable[[], Sensor], pictured: Callable[[int], tuple[TopoMap, Image]], count: int) -> SetUp:
-    topo_map, pictures = pictured(count)
-    frames = [Frame(0.0, None, np.zeros(3), {"rgb": picture}) for picture in pictures]
+def frames_of(pictures: Pictures) -> list[Frame]:
+    """Of a robot that has its camera on its axis."""
+    return [Frame(0.0, None, np.zeros(3), {pictures.kind: picture}) for picture in pictures.frames]
+
+
+def _looks(make: Callable[[], Sensor], pictured: Pictured, count: int) -> SetUp:
+    pictures = pictured(count)
+    frames = frames_of(pictures)
 
     def set_up() -> Step:
         sensor, again = make(), cycle(frames)
-        sensor.fit(topo_map)
+        sensor.fit(pictures.topo_map)
         return lambda: sensor.observe(next(again))
 
     return set_up

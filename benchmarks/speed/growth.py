@@ -15,14 +15,15 @@ from time import process_time
 import numpy as np
 
 from benchmarks.speed.case import enough, one_thread, seconds_of
+from benchmarks.speed.large_maps import machines_memory_gb
 from topoloc.errors import UserError
 
 SAMPLES, SAMPLED_S = 11, 3.0
 """Most samples of a point, and how long they take at most together, if there are no fewer than three [s]."""
 BUDGET_S = 12.0
-"""A row of points takes about so much processor time by default [s]; sizes beyond that are left out and told."""
-MOST_MB = 6000.0
-"""A size is left out if it is expected to need more memory than this [MB]."""
+"""Most rows of points take about so much processor time by default [s]; sizes beyond that are left out and told."""
+MOST_MB, MOST_OF_MEMORY = 6000.0, 0.5
+"""A size is left out if it is expected to need more memory than this [MB], or a larger share of the machine's."""
 
 Step = Callable[[], object]
 SetUp = Callable[[], Step]
@@ -38,12 +39,14 @@ class Grower:
         by: what grows: nodes, particles, cells.
         sizes: from small to large.
         prepare: makes maps and pictures of a size, which costs neither time nor memory of what is measured.
+        budget_s: for all sizes, by default [s].
     """
 
     name: str
     by: str
     sizes: tuple[int, ...]
     prepare: Callable[[int], SetUp]
+    budget_s: float = BUDGET_S
 
 
 @dataclass(frozen=True)
@@ -135,13 +138,13 @@ def exponent(sizes: Sequence[float], costs: Sequence[float]) -> tuple[float, flo
     return slope, float(np.sqrt(missed @ missed / freedom / (x @ x))) if freedom else float("nan")
 
 
-def grow(grower: Grower, budget_s: float = BUDGET_S, told: Callable[[int], None] = lambda size: None) -> Growth:
+def grow(grower: Grower, budget_s: float, done: Callable[[], object]) -> Growth:
     """Measure one size after the other, as long as the next is expected to fit into time and memory.
 
     Args:
         grower: to be measured.
         budget_s: for all sizes [s]; infinite measures all that memory allows.
-        told: is called with each size before it is measured.
+        done: is called after each size, also after one that is left out.
     """
     grower.prepare(grower.sizes[0])()()  # what is imported at need is neither time nor memory of the first point
     points: list[Point] = []
@@ -149,13 +152,13 @@ def grow(grower: Grower, budget_s: float = BUDGET_S, told: Callable[[int], None]
     for size in grower.sizes:
         reason = _too_large(points, size, budget_s)
         if reason is None:
-            told(size)
             try:
                 points.append(measure_point(grower, size))
             except UserError as error:  # a map that is too large for it
                 reason = str(error)
         if reason is not None:
             left_out.append((size, reason))
+        done()
     return Growth(grower, tuple(points), tuple(left_out))
 
 
@@ -166,7 +169,7 @@ def _too_large(points: Sequence[Point], size: int, budget_s: float) -> str | Non
     spent = sum(point.took_s for point in points)
     seconds = _expected(points, size, [point.took_s for point in points])
     megabytes = _expected(points, size, [max(point.fit_mb, point.kept_mb + point.peak_mb) for point in points])
-    if megabytes > MOST_MB:
+    if megabytes > min(MOST_MB, 1e3 * MOST_OF_MEMORY * machines_memory_gb()):
         return f"would need about {megabytes / 1000.0:.0f} GB"
     return f"would take about {seconds:.0f} s" if spent + seconds > budget_s else None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +13,8 @@ from benchmarks.speed.growth import Growth
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Colours that colour-blind readers tell apart (Okabe and Ito)."""
-MARKERS = "osD^vP*"
+MARKERS = "osD^vP*X"
+"""One more than colours: where both come round again, they come in other pairs."""
 
 
 def draw_growth(growths: Sequence[Growth]) -> Figure:
@@ -25,7 +27,7 @@ def draw_growth(growths: Sequence[Growth]) -> Figure:
 
 
 def _panel(axes: Axes, growths: Sequence[Growth], by: str) -> None:
-    for growth, colour, marker in zip(growths, COLOURS, MARKERS, strict=False):
+    for growth, colour, marker in zip(growths, cycle(COLOURS), cycle(MARKERS), strict=False):
         points = growth.points
         sizes, times = [point.size for point in points], np.array([point.ms for point in points])
         around = np.abs(np.array([(point.ms_low, point.ms_high) for point in points]).T - times)

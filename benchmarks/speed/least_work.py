@@ -30,6 +30,15 @@ class Work:
     flops32: float = 0.0
     flops64: float = 0.0
 
+    def __str__(self) -> str:
+        moved = [f"{1e-6 * count:.1f} MB {how}" for how, count in (("read", self.read), ("written", self.written)) if count]
+        made = [
+            f"{1e-6 * count:.1f} Mflop of {kind}"
+            for kind, count in (("float32", self.flops32), ("float64", self.flops64))
+            if count
+        ]
+        return ", ".join([*moved, *made])
+
     def ms(self, limits: Limits) -> float:
         """How long it takes at the machine's limits [ms]."""
         return 1e3 * limits.seconds(self.read, self.written, self.flops32, self.flops64)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import tracemalloc
 from collections.abc import Callable, Iterator
 from cProfile import Profile
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
 from time import process_time
@@ -73,39 +73,52 @@ class Part:
 
 
 @dataclass(frozen=True)
-class PairProfile:
-    """One update of a pair.
+class Profiled:
+    """One update of a pair, or a part of it.
 
     Attributes:
-        sensor, estimator: their names.
+        name: of the sensor and the estimator, with what is special about the map.
         parts: in the order of an update.
     """
 
-    sensor: str
-    estimator: str
+    name: str
     parts: tuple[Part, ...]
 
     @property
     def ms(self) -> float:
-        """Of the whole update [ms]."""
+        """Of all parts [ms]."""
         return sum(part.ms for part in self.parts)
 
     def rows(self) -> list[dict[str, str | float]]:
-        """As ``topoloc speed --json`` prints them: a row a part and function, its share of the part in ms."""
-        pair = {"what": "profile", "size": f"{self.sensor} with {self.estimator}"}
-        return [
-            {**pair, "part": part.name, "function": function.name, "ours_ms": round(share * part.ms, 5)}
+        """As ``topoloc speed --json`` prints them.
+
+        A row a part and function, its share of the part in ms; then one for each part with its least work, if told.
+        """
+        rows: list[dict[str, str | float]] = [
+            {
+                "what": "profile",
+                "size": self.name,
+                "part": part.name,
+                "function": function.name,
+                "ours_ms": round(share * part.ms, 5),
+            }
             for part in self.parts
             for function, share in part.shares
         ]
+        least: list[dict[str, str | float]] = [
+            {"what": "profile-least", "size": self.name, "part": part.name, **asdict(part.work)}
+            for part in self.parts
+            if part.work is not None
+        ]
+        return rows + least
 
 
-def profile_pair(sensor_name: str, estimator_name: str) -> PairProfile:
+def profile_pair(sensor_name: str, estimator_name: str) -> Profiled:
     """Drive through the laboratory with a sensor and an estimator, on one thread."""
     drive = laboratory()
     with one_thread():
         sensor = _fitted(sensor_name, drive)
-        estimator, kept = _kept(partial(_started, estimator_name, drive.topo_map))
+        estimator, kept = kept_by(partial(_started, estimator_name, drive.topo_map))
         passes = [_timed(sensor, estimator, drive) for _ in range(PASSES)]
         shares = _profiled(sensor, estimator, drive)
     work: dict[str, Work] = {}
@@ -114,13 +127,13 @@ def profile_pair(sensor_name: str, estimator_name: str) -> PairProfile:
     if estimator_name != "activity":  # a few numbers a node
         work |= {part: step_work(estimator_name, part, drive.topo_map, kept) for part in ("predict", "update")}
     parts = (Part(name, min(times[name] for times in passes), shares[name], work.get(name)) for name in PARTS)
-    return PairProfile(sensor_name, estimator_name, tuple(parts))
+    return Profiled(f"{sensor_name} with {estimator_name}", tuple(parts))
 
 
 def _compared(name: str, sensor: Sensor, drive: Simulation) -> int | None:
     """Bytes that a picture is compared with: IMA's references, the descriptors of views; None for other sensors."""
     if isinstance(sensor, IMA):
-        return _kept(partial(_fitted, name, drive))[1]
+        return kept_by(partial(_fitted, name, drive))[1]
     if isinstance(sensor, ViewSensor):
         return len(views_of(drive.topo_map).images) * int(sensor.describe(drive.frames[0].images).nbytes)
     return None
@@ -148,7 +161,7 @@ def _started(name: str, topo_map: TopoMap) -> Estimator:
     return estimator
 
 
-def _kept(make: Callable[[], T]) -> tuple[T, int]:
+def kept_by(make: Callable[[], T]) -> tuple[T, int]:
     """What is made, and the bytes that it keeps."""
     make()  # imports at need
     tracemalloc.start()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 import sys
 from collections.abc import Sequence
 
@@ -13,24 +14,25 @@ from rich.table import Table
 from benchmarks.speed.case import Result
 from benchmarks.speed.growth import Growth, Point
 from benchmarks.speed.machine import Limits
-from benchmarks.speed.profile import PairProfile, Part
+from benchmarks.speed.profile import Part, Profiled
 
-WIDTH = 110
-"""Columns of the tables in a file or a pipe."""
+WIDTH, LEAST_WIDTH = 110, 80
+"""Columns of the tables in a file or a pipe, and at least: on a narrower terminal lines break, but figures stay whole."""
 NAMED = 0.03
 """Functions with a smaller share of the update are told together."""
 
 
 def make_console() -> Console:
     """Plain text: names may hold brackets, and numbers need no colours; wide where no terminal says how wide."""
-    width = None if sys.stdout.isatty() else WIDTH
+    width = max(shutil.get_terminal_size().columns, LEAST_WIDTH) if sys.stdout.isatty() else WIDTH
     return Console(markup=False, emoji=False, highlight=False, width=width)
 
 
 def _table(title: str, *heads: str, right: Sequence[str] = ()) -> Table:
+    """Words wrap where the screen is narrow; figures, to the right of their columns, are never cut."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
     for head in heads:
-        table.add_column(head, justify="right" if head in right else "left", no_wrap=head != "what")
+        table.add_column(head, justify="right" if head in right else "left", no_wrap=head in right)
     return table
 
 
@@ -91,10 +93,10 @@ def _exponent(figures: tuple[float, float]) -> str:
     return f"{slope:.2f} ± {error:.2f}" if math.isfinite(error) else f"{slope:.2f}"
 
 
-def print_profiles(console: Console, profiles: Sequence[PairProfile], limits: Limits) -> None:
-    """A table for each pair: its parts, and within them the functions that take most."""
+def print_profiles(console: Console, profiles: Sequence[Profiled], limits: Limits) -> None:
+    """A table for each: its parts, and within them the functions that take most; then the least work of each part."""
     for profile in profiles:
-        title = f"{profile.sensor} with {profile.estimator}: {digits(profile.ms)} ms an update"
+        title = f"{profile.name}: {digits(profile.ms)} ms"
         table = _table(title, "part", "ms", "share", "at the limits", "what", right=("ms", "share", "at the limits"))
         for part in profile.parts:
             share = f"{100.0 * part.ms / profile.ms:.0f} %"
@@ -102,6 +104,9 @@ def print_profiles(console: Console, profiles: Sequence[PairProfile], limits: Li
             for name, taken, what in _functions(part, NAMED * profile.ms):
                 table.add_row(f"  {name}", digits(taken), f"{100.0 * taken / profile.ms:.0f} %", "", what)
         console.print(table)
+        for part in profile.parts:
+            if part.work is not None:
+                _say(console, f"  {part.name}, least work: {part.work}")
     if profiles:
         _say(
             console,

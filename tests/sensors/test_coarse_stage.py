@@ -75,7 +75,7 @@ def test_candidates_are_matched_as_if_all_were(pair: tuple[IMA, IMA], the_map: T
 
 
 @pytest.mark.parametrize(("kind", "config"), KINDS)
-@pytest.mark.parametrize(("nodes", "matched"), [(6, 6), (8, 8), (9, 3)])
+@pytest.mark.parametrize(("nodes", "matched"), [(6, 6), (11, 11), (12, 3)])
 def test_where_candidates_do_not_pay_all_nodes_are_matched(
     kind: Any, config: Any, the_map: TopoMap, nodes: int, matched: int
 ) -> None:

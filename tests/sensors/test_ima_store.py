@@ -31,7 +31,7 @@ def frame_of(panorama: Image, number: int = 5) -> Frame:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    nodes = tuple(Node(str(k), str(k), float(k), 0.0, 0.1, circle(k)) for k in range(6))
+    nodes = tuple(Node(str(k), str(k), float(k), 0.0, 0.1, circle(k)) for k in range(8))
     TopoMap("m", CAMERA, nodes).save(tmp_path / "m")
     return tmp_path / "m"
 
@@ -61,7 +61,7 @@ def test_the_second_opening_reads_no_picture_and_says_the_same(
     folder: Path, decoded: list[str], kind: Any, config: Any, candidates: int
 ) -> None:
     first = opened(folder, kind(config(candidates=candidates)))
-    assert set(decoded) == {f"{number}.png" for number in range(6)}
+    assert set(decoded) == {f"{number}.png" for number in range(8)}
     decoded.clear()
     second = opened(folder, kind(config(candidates=candidates)))
     assert not decoded
@@ -99,7 +99,7 @@ def test_how_many_candidates_there_are_does_not_matter(folder: Path, decoded: li
 
 def test_a_changed_panorama_is_prepared_anew(folder: Path) -> None:
     opened(folder, IMA())
-    nodes = tuple(Node(str(k), str(k), float(k), 0.0, 0.1, circle(k + 10)) for k in range(6))
+    nodes = tuple(Node(str(k), str(k), float(k), 0.0, 0.1, circle(k + 10)) for k in range(8))
     TopoMap("m", CAMERA, nodes).save(folder, overwrite=True)
     assert opened(folder, IMA()).observe(frame_of(circle(11))).match.argmax() == 1
 
