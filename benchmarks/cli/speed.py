@@ -31,7 +31,8 @@ def speed(
     what: Annotated[str | None, Parameter(help="Only this work or group, growth, machine, or profile.")] = None,
     *,
     repeats: Annotated[
-        int | None, Parameter(help=f"Samples of ours and of the peer's, fewer where they take long [default: {REPEATS}].")
+        int | None,
+        Parameter(help=f"Samples of ours and of the peer's, fewer where they take long [default: {REPEATS}]."),
     ] = None,
     full: Annotated[bool, Parameter(help="Growth up to the largest sizes: many minutes.", negative="")] = False,
     plot: Annotated[Path | None, Parameter(help="Draw growth into this new .png file.")] = None,
@@ -136,9 +137,7 @@ def _draw(plot: Path, growths: Sequence[Growth]) -> None:
     write_bytes(plot, as_png(draw_growth(growths)))
 
 
-def _print(
-    results: Sequence[Result], growths: Sequence[Growth], profiles: Sequence[Profiled], machine: Limits
-) -> None:
+def _print(results: Sequence[Result], growths: Sequence[Growth], profiles: Sequence[Profiled], machine: Limits) -> None:
     from benchmarks.speed.screen import make_console, print_growths, print_limits, print_profiles, print_results
 
     console = make_console()

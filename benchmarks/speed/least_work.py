@@ -31,7 +31,9 @@ class Work:
     flops64: float = 0.0
 
     def __str__(self) -> str:
-        moved = [f"{1e-6 * count:.1f} MB {how}" for how, count in (("read", self.read), ("written", self.written)) if count]
+        moved = [
+            f"{1e-6 * count:.1f} MB {how}" for how, count in (("read", self.read), ("written", self.written)) if count
+        ]
         made = [
             f"{1e-6 * count:.1f} Mflop of {kind}"
             for kind, count in (("float32", self.flops32), ("float64", self.flops64))

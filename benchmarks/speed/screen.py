@@ -17,7 +17,7 @@ from benchmarks.speed.machine import Limits
 from benchmarks.speed.profile import Part, Profiled
 
 WIDTH, LEAST_WIDTH = 110, 80
-"""Columns of the tables in a file or a pipe, and at least: on a narrower terminal lines break, but figures stay whole."""
+"""Columns of the tables in a file or a pipe, and on a terminal at least: figures stay whole where lines break."""
 NAMED = 0.03
 """Functions with a smaller share of the update are told together."""
 
@@ -32,7 +32,7 @@ def _table(title: str, *heads: str, right: Sequence[str] = ()) -> Table:
     """Words wrap where the screen is narrow; figures, to the right of their columns, are never cut."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
     for head in heads:
-        table.add_column(head, justify="right" if head in right else "left", no_wrap=head in right)
+        table.add_column(head, justify="right" if head in right else "left", no_wrap=head in right, overflow="fold")
     return table
 
 
@@ -129,7 +129,8 @@ def _at_limits(part: Part, limits: Limits) -> str:
     if part.work is None:
         return ""
     least = part.work.ms(limits)
-    return f"{least:.4f} (x {part.ms / least:.0f})"
+    times = part.ms / least
+    return f"{digits(least) if least >= 1.0 else f'{least:.4f}'} (x {times:.{1 if times < 10.0 else 0}f})"
 
 
 def _functions(part: Part, least_ms: float) -> list[tuple[str, float, str]]:

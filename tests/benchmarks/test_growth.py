@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import fields, make_dataclass
+from dataclasses import fields
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,18 +14,30 @@ from benchmarks.speed import growers as growing
 from benchmarks.speed import growth as measuring
 from benchmarks.speed import machine
 from benchmarks.speed.grid import Hall
-from benchmarks.speed.growers import CELLS, LAYERS, NODES, PARTICLES, growers, panoramas, views
+from benchmarks.speed.growers import (
+    CELLS,
+    LAYERS,
+    NODES,
+    PARTICLES,
+    ROOM_MB,
+    Pictured,
+    circles,
+    frames_of,
+    growers,
+    panoramas,
+    views,
+)
 from benchmarks.speed.growth import Grower, Growth, Point, SetUp, Step, exponent, grow, measure_point
-from benchmarks.speed.growth_plot import draw_growth
+from benchmarks.speed.growth_plot import COLOURS, draw_growth
 from benchmarks.speed.machine import Limits
 from benchmarks.speed.screen import make_console, print_growths
 from estimators.baselines import DeadReckoning
-from sensors.ima import IMA
+from sensors.fourier import FourierSignature
+from sensors.ima import IMA, IMAConfig
 from sensors.pca import PCAMap
 from topoloc.errors import UserError
 from topoloc.interfaces import Sensor
-from topoloc.topo_map import TopoMap
-from topoloc.types import Evidence, Frame, Image
+from topoloc.types import Evidence
 
 MB = 125_000
 """Numbers of 8 bytes in 10^6 bytes."""
@@ -108,10 +121,23 @@ def test_sizes_end_where_time_or_memory_would(
     def linear(grower: Grower, size: int) -> Point:
         return point(size, 1.0, took_s=0.9 * size, fit_mb=fit_mb * size)
 
+    done: list[None] = []
     monkeypatch.setattr(measuring, "measure_point", linear)
-    told = grow(Grower("a", "b", (1, 10, 100, 1000), idle), budget_s)
+    monkeypatch.setattr(measuring, "machines_memory_gb", lambda: 64.0)
+    told = grow(Grower("a", "b", (1, 10, 100, 1000), idle), budget_s, lambda: done.append(None))
+    assert len(done) == 4
     assert tuple(one.size for one in told.points) == measured
     assert [size for size, _ in told.left_out] == [size for size in (1, 10, 100, 1000) if size not in measured]
+
+
+@pytest.mark.parametrize(("memory_gb", "measured"), [(1.0, 1), (10.0, 2), (float("inf"), 3)])
+def test_no_size_takes_more_than_half_of_the_machines_memory(
+    monkeypatch: pytest.MonkeyPatch, memory_gb: float, measured: int
+) -> None:
+    monkeypatch.setattr(measuring, "measure_point", lambda grower, size: point(size, 1.0, fit_mb=100.0 * size))
+    monkeypatch.setattr(measuring, "machines_memory_gb", lambda: memory_gb)
+    told = grow(Grower("a", "b", (1, 10, 55), idle), float("inf"), list)
+    assert len(told.points) == measured
 
 
 def test_a_size_that_is_refused_is_told() -> None:
@@ -120,7 +146,7 @@ def test_a_size_that_is_refused_is_told() -> None:
             raise UserError("the map spans too much")
         return idle(size)
 
-    told = grow(Grower("a", "b", (1, 10), prepare))
+    told = grow(Grower("a", "b", (1, 10), prepare), float("inf"), list)
     assert told.left_out == ((10, "the map spans too much"),)
 
 
@@ -155,6 +181,14 @@ def test_the_picture_has_a_panel_for_each_thing_that_grows() -> None:
     assert [axes.get_xlabel() for axes in figure.axes] == ["naps", "steps"]
     legend = figure.axes[0].get_legend()
     assert legend is not None and len(legend.get_texts()) == 3
+
+
+def test_the_picture_has_every_row_however_many() -> None:
+    rows = [growth((8, 30), (1.0, 2.0 + k)) for k in range(len(COLOURS) + 2)]
+    axes = draw_growth(rows).axes[0]
+    assert len(axes.containers) == len(rows)
+    lines = [line for line in axes.lines if line.get_marker() not in ("None", "_", "|")]
+    assert len({(line.get_color(), line.get_marker()) for line in lines}) == len(rows)
 
 
 # --- what grows -----------------------------------------------------------------------------------------------------
@@ -198,24 +232,24 @@ def test_a_grid_has_as_many_cells_as_it_says() -> None:
     assert LAYERS * free.sum() == CELLS[0]
 
 
-@pytest.mark.parametrize(("make", "pictured"), [(IMA, panoramas), (PCAMap, views)])
-def test_sensors_recognise_what_they_are_shown(
-    make: Callable[[], Sensor], pictured: Callable[[int], tuple[TopoMap, Image]]
-) -> None:
-    topo_map, pictures = pictured(12)
+@pytest.mark.parametrize(("make", "pictured"), [(IMA, panoramas), (PCAMap, views), (FourierSignature, circles)])
+def test_sensors_recognise_what_they_are_shown(make: Callable[[], Sensor], pictured: Pictured) -> None:
+    pictures = pictured(12)
     sensor = make()
-    sensor.fit(topo_map)
-    for picture in pictures:
-        seen = sensor.observe(Frame(0.0, None, np.zeros(3), {"rgb": picture}))
+    sensor.fit(pictures.topo_map)
+    for frame in frames_of(pictures):
+        seen = sensor.observe(frame)
         best, second = np.sort(seen.match)[[-1, -2]]
         assert best > second + 0.1
 
 
-def test_the_coarse_stage_is_measured_as_soon_as_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    for has_it in (True, False):
-        names = ["slots", "candidates"] if has_it else ["slots"]
-        monkeypatch.setattr(growing, "IMAConfig", make_dataclass("IMAConfig", names))
-        assert any("candidates" in row.name for row in growers()) == has_it
+def test_exact_ima_keeps_all_that_it_makes_of_10000_panoramas() -> None:
+    """A panorama's transforms take less than its share of the room."""
+    count, kept = 12, []
+    for config in (IMAConfig(memory_mb=ROOM_MB), IMAConfig(memory_mb=0.0)):
+        row = Grower("ima", "nodes", (count,), partial(growing._looks, partial(IMA, config), panoramas))
+        kept.append(measure_point(row, count).kept_mb)
+    assert 0.2 < (kept[0] - kept[1]) / count < ROOM_MB / NODES[-1]
 
 
 # --- the machine ----------------------------------------------------------------------------------------------------

@@ -17,9 +17,9 @@ from benchmarks.large_map.__main__ import main
 from benchmarks.large_map.agreement import NO_NODE, Answers, Share, agreements, answers_of, right
 from benchmarks.large_map.fidelity import rows
 from benchmarks.large_map.making import CONDITIONS, OFF, ON, PLACES, Plan
-from benchmarks.large_map.measuring import growth, seconds_by_turns
+from benchmarks.large_map.measuring import Costs, Result, growth, seconds_by_turns
 from benchmarks.large_map.sites import APART_M, sites_of
-from benchmarks.large_map.tables import fidelity_table
+from benchmarks.large_map.tables import fidelity_table, growth_line
 from benchmarks.worlds.lab import LabWorld
 from benchmarks.worlds.renderer import Scene
 from sensors.ima import IMA
@@ -334,6 +334,16 @@ def test_growth_is_the_exponent() -> None:
     nodes = [300, 1000, 3000]
     assert growth(nodes, [0.1 * count**0.5 for count in nodes]) == pytest.approx(0.5)
     assert np.isnan(growth([300, 300], [1.0, 2.0]))
+
+
+def test_growth_is_told_of_two_sizes_or_more() -> None:
+    def result(nodes: int, candidates: int) -> Result:
+        costs = Costs(1.0, 1.0, 1.0)
+        return Result(nodes, candidates, {}, nodes / 10.0, nodes**0.5, (1.0, 1.0, 1.0), costs, costs)
+
+    assert growth_line([]) == growth_line([result(300, 50)]) == growth_line([result(300, 50), result(300, 200)]) == ""
+    told = growth_line([result(300, 50), result(300, 200), result(3000, 200)])
+    assert told == "time of a look grows as 200 candidates: exact nodes^1.00, coarse nodes^0.50"
 
 
 def test_fitting_is_watched_and_undone(large: LargeMap) -> None:

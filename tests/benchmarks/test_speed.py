@@ -1,7 +1,8 @@
 from __future__ import annotations
 
+import io
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from filterpy import monte_carlo
+from rich.console import Console
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import benchmarks.speed as registry
@@ -17,12 +19,15 @@ from benchmarks.speed import case as timing
 from benchmarks.speed import corridor, grid, machine
 from benchmarks.speed import growers as growing
 from benchmarks.speed.agreement import global_numbers_from, same_in_distribution, same_masses, same_numbers
-from benchmarks.speed.case import Case, Pair, measure
+from benchmarks.speed.case import Case, Pair, Result, measure
 from benchmarks.speed.grid import Hall, grid_predict, kernel
-from benchmarks.speed.growth import Grower
+from benchmarks.speed.growth import Grower, Growth, Point
+from benchmarks.speed.least_work import Work
 from benchmarks.speed.likelihood import log_likelihood, plain_log_likelihood
 from benchmarks.speed.machine import Limits
+from benchmarks.speed.own_functions import Function
 from benchmarks.speed.particle_step import SEEN, particle_filter_step
+from benchmarks.speed.profile import Part, Profiled
 from benchmarks.speed.resampling import (
     filterpy_resampling,
     particles_resampling,
@@ -30,7 +35,8 @@ from benchmarks.speed.resampling import (
     same_indices,
     some_weights,
 )
-from topoloc.cli import main
+from benchmarks.speed.screen import make_console, print_growths, print_profiles, print_results
+from topoloc.cli import main, progress
 from topoloc.errors import UnknownName, UserError
 from topoloc.types import Evidence
 
@@ -232,6 +238,94 @@ def test_unknown_names_are_refused_with_those_that_exist(
 def test_no_samples_are_refused() -> None:
     with pytest.raises(UserError, match="--repeats is 0"):
         speed(repeats=0)
+
+
+@pytest.mark.parametrize("what", ["growth", "machine", "profile"])
+def test_samples_are_refused_where_nothing_is_compared(what: str) -> None:
+    with pytest.raises(UserError, match=f"--repeats is about comparisons, which 'topoloc speed {what}' leaves out"):
+        speed(what, repeats=5)
+
+
+def test_there_are_as_many_samples_as_are_asked_for(
+    cases: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+
+    def watching(case: Case, repeats: int) -> Result:
+        asked.append(repeats)
+        return measure(case, 1)
+
+    monkeypatch.setattr(timing, "measure", watching)
+    cases(a_case())
+    speed("idling")
+    speed("idling", repeats=5)
+    assert asked == [21, 5]
+
+
+def test_nothing_to_compare_shows_no_bar(cases: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_bar(items: Sequence[object], what: str) -> None:
+        raise AssertionError(f"a bar {what!r} for {len(items)}")
+
+    monkeypatch.setattr(progress, "track", no_bar)
+    cases(a_case(packages=("no_such_package",)))
+    assert speed("machine") == 0
+    assert speed("idling") == 0
+
+
+# --- on the screen --------------------------------------------------------------------------------------------------
+
+WIDE = 123_456.0
+
+
+def narrow() -> Console:
+    return Console(width=80, file=io.StringIO(), force_terminal=True, color_system=None, highlight=False)
+
+
+def written(console: Console) -> str:
+    assert isinstance(console.file, io.StringIO)
+    out = console.file.getvalue()
+    assert max(map(len, out.splitlines())) <= console.width
+    assert "\N{HORIZONTAL ELLIPSIS}" not in out
+    return out
+
+
+def test_figures_are_whole_on_a_narrow_terminal() -> None:
+    long = replace(a_case(), size="100 of 10,000 nodes, each with a panorama", peer="somebody.else.whose_name_is_long")
+    console = narrow()
+    print_results(console, [Result(long, WIDE, WIDE, 123.4, 1_234.0, 12_345.0, 21, agree=True)])
+    out = written(console)
+    for figure in ("123456 ", "123 (1234 to 12345)", " 21 ", " yes", "samples", "agree"):
+        assert figure in out
+    for word in ("panorama", "10,000"):  # on one line or another
+        assert word in out
+
+
+def test_figures_of_growth_and_profiles_are_whole_on_a_narrow_terminal() -> None:
+    console = narrow()
+    row = Grower("a sensor", "particles", (1_000_000,), lambda size: lambda: nothing)
+    print_growths(console, [Growth(row, (Point(1_000_000, WIDE, WIDE, WIDE, 3, WIDE, WIDE, WIDE, WIDE, WIDE),))])
+    function = Function(
+        "sensors.a_module.AClassOfMany.a_function_with_a_long_name", "Does what takes long to tell." * 3
+    )
+    part = Part("look", WIDE, ((function, 1.0),), Work(8e11))
+    print_profiles(console, [Profiled("a with b", (part,))], LIMITS)
+    out = written(console)
+    assert "1,000,000 " in out and "123456 (123456 to 123456)" in out
+    assert "100000 (x 1.2)" in out and out.count(" 100 % ") == 2
+
+
+@pytest.mark.parametrize(("columns", "width"), [(40, 80), (80, 80), (200, 200)])
+def test_a_terminal_has_80_columns_at_least(monkeypatch: pytest.MonkeyPatch, columns: int, width: int) -> None:
+    monkeypatch.setattr("sys.stdout", Terminal())
+    monkeypatch.setenv("COLUMNS", str(columns))
+    assert make_console().width == width
+
+
+class Terminal(io.StringIO):
+    """What is written to it is read by a person."""
+
+    def isatty(self) -> bool:
+        return True
 
 
 # --- what counts as the same answer ---------------------------------------------------------------------------------

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from benchmarks.speed import profile as profiling
+from benchmarks.speed import profile_look as looking
 from benchmarks.speed.least_work import Work, look_work, step_work
 from benchmarks.speed.machine import Limits
 from benchmarks.speed.own_functions import ROOT, Function, own_shares
-from benchmarks.speed.profile import PARTS, PairProfile, Part, profile_pair
+from benchmarks.speed.profile import PARTS, Part, Profiled, profile_pair
+from benchmarks.speed.profile_look import profile_look
 from benchmarks.speed.screen import make_console, print_profiles
 from topoloc.geometry import circular_mean, wrap
 from topoloc.testing import toy_map
@@ -65,16 +67,30 @@ def test_a_pair_is_profiled_part_by_part(monkeypatch: pytest.MonkeyPatch) -> Non
     assert all(part.ms > 0.0 for part in told.parts)
     assert [part.work is not None for part in told.parts] == [True, True, True, False]
     rows = json.loads(json.dumps(told.rows()))
-    assert sum(row["ours_ms"] for row in rows) == pytest.approx(told.ms, rel=0.01)
+    assert sum(row["ours_ms"] for row in rows if row["what"] == "profile") == pytest.approx(told.ms, rel=0.01)
+    assert [row["part"] for row in rows if row["what"] == "profile-least"] == ["look", "predict", "update"]
+
+
+def test_a_look_on_a_large_map_has_the_least_work_of_its_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(looking, "NODES", 6)
+    monkeypatch.setattr(looking, "LOOKS", 1)
+    told = profile_look()
+    (part,) = told.parts
+    assert (told.name, part.name) == ("ima, a look on a map of 6 made panoramas", "look")
+    assert part.work is not None and part.work.flops32 == 8 * 6 * 54 * 324 * 8 * 3
+    assert part.work.read > 6 * 54 * 648  # scaled panoramas, and what is made of them
+    assert {function.name.split(".")[0] for function, _ in part.shares} >= {"sensors"}
+    assert part.ms > 0.0
 
 
 def test_the_table_names_what_is_worth_it(capsys: pytest.CaptureFixture[str]) -> None:
     shares = tuple((Function(f"sensors.a.f{k}", f"Does {k}."), share) for k, share in enumerate((0.5, 0.48, 0.02)))
     parts = (Part("look", 8.0, shares, Work(8e6)), Part("predict", 2.0, (), None))
-    print_profiles(make_console(), [PairProfile("a", "b", parts)], LIMITS)
+    print_profiles(make_console(), [Profiled("a with b", parts)], LIMITS)
     out = capsys.readouterr().out
-    assert "a with b: 10.0 ms an update" in out
-    assert "1.0000 (x 8)" in out  # 8 MB at 8 GB/s are 1 ms
+    assert "a with b: 10.0 ms" in out
+    assert "1.00 (x 8.0)" in out  # 8 MB at 8 GB/s are 1 ms
+    assert "look, least work: 8.0 MB read\n" in out
     assert " f0 " in out and "40 %" in out and " f2 " not in out
 
 
