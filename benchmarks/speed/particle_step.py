@@ -87,14 +87,16 @@ def _peer(count: int, log_likelihood: LogLikelihood) -> Any:
     return peers
 
 
+def figures_of_ours(count: int, seed: int) -> Floats:
+    """``OurDrive.figures`` of a drive of ``CHECKED_STEPS``."""
+    drive = OurDrive(count, seed)
+    for _ in range(CHECKED_STEPS):
+        drive.step()
+    return drive.figures()
+
+
 def _agree(count: int, log_likelihood: LogLikelihood) -> bool:
     """The same posterior and the same evidence, but for the noise of a few runs of both."""
-
-    def ours(seed: int) -> Floats:
-        drive = OurDrive(count, seed)
-        for _ in range(CHECKED_STEPS):
-            drive.step()
-        return drive.figures()
 
     def peers(seed: int) -> Floats:
         with global_numbers_from(seed):
@@ -103,7 +105,7 @@ def _agree(count: int, log_likelihood: LogLikelihood) -> bool:
                 next(peer)
         return _figures(peer.W, peer.X, peer.logLt)
 
-    return same_in_distribution(ours, peers, CHECKED_RUNS)
+    return same_in_distribution(partial(figures_of_ours, count), peers, CHECKED_RUNS)
 
 
 def _figures(weights: Floats, poses: Floats, log_evidence: float) -> Floats:

@@ -11,7 +11,17 @@ import numpy as np
 from benchmarks.speed.agreement import global_numbers_from, same_in_distribution
 from benchmarks.speed.case import Case, Pair
 from benchmarks.speed.likelihood import LogLikelihood
-from benchmarks.speed.particle_step import CHECKED_RUNS, CHECKED_STEPS, DEVIATIONS, HALL, MOTION, SEEN, TRUTH, OurDrive
+from benchmarks.speed.particle_step import (
+    CHECKED_RUNS,
+    CHECKED_STEPS,
+    DEVIATIONS,
+    HALL,
+    MOTION,
+    SEEN,
+    TRUTH,
+    OurDrive,
+    figures_of_ours,
+)
 from estimators.kalman import Kalman
 from topoloc.estimate import mean_and_covariance
 from topoloc.geometry import Floats, compose, inverse
@@ -68,12 +78,6 @@ def _same_particles(count: int, log_likelihood: LogLikelihood) -> bool:
     """The same posterior and the same evidence, but for the noise of a few runs of both."""
     from benchmarks.speed.stone_soup import ToldLooks
 
-    def ours(seed: int) -> Floats:
-        drive = OurDrive(count, seed)
-        for _ in range(CHECKED_STEPS):
-            drive.step()
-        return drive.figures()
-
     def peers(seed: int) -> Floats:
         looks = ToldLooks(log_likelihood)
         with global_numbers_from(seed):
@@ -84,7 +88,7 @@ def _same_particles(count: int, log_likelihood: LogLikelihood) -> bool:
         means = [values.mean() for values in (x, y, np.cos(heading), np.sin(heading))]
         return np.array([*means, looks.log_evidence])
 
-    return same_in_distribution(ours, peers, CHECKED_RUNS)
+    return same_in_distribution(partial(figures_of_ours, count), peers, CHECKED_RUNS)
 
 
 def stone_soup_gaussian() -> Case:
