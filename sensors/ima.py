@@ -139,9 +139,9 @@ class SlotMatches:
 class IMA:
     """The sensor model of the thesis: IMA against every node's panorama, with digital zoom (2.4.2, 4.1.5).
 
-    Evidence has one hypothesis a node; ``match`` is IMA's own value. How good a match is depends on how alike the
-    nodes of a map look: ``fit`` measures what wrong nodes give, by views cut from each panorama and matched against
-    all the others, and the log-likelihood is linear in the match above that.
+    Evidence has one hypothesis a node, or one for each of the ``candidates``; ``match`` is IMA's own value. How good a
+    match is depends on how alike the nodes of a map look: ``fit`` measures what wrong nodes give, by views cut from
+    each panorama and matched against all the others, and the log-likelihood is linear in the match above that.
     """
 
     Config: ClassVar[type[IMAConfig]] = IMAConfig
@@ -179,7 +179,10 @@ class IMA:
         self._scale_by(known["wrong"], known["weights"], known["distances"])
 
     def observe(self, frame: Frame) -> Evidence:
-        """One hypothesis a node: where and how well the frame matches its panorama; blind for a flat picture."""
+        """A hypothesis for each node that is matched: where and how well the frame fits its panorama.
+
+        Blind for a flat picture.
+        """
         if not self._references:
             raise RuntimeError("IMA knows no map yet: call fit(topo_map) before observe(frame)")
         image = frame.images["rgb"]
@@ -202,7 +205,7 @@ class IMA:
 
     def prepare(self, panorama: Image) -> list[Reference]:
         """A panorama of the map made ready as ``fit`` does with every node's: plain, and zoomed in, each with K = 1."""
-        circle = self._filtered(panorama, self._filtering, self._camera.hfov_deg)
+        circle = self._filtered_circle(panorama)
         return [self._made_reference(picture[None], circular=True) for picture in self._circles(circle)]
 
     def prepared(self, node: int) -> list[Reference]:
@@ -221,7 +224,7 @@ class IMA:
         for ready, new in zip(self._references, self.prepare(panorama), strict=True):
             ready.put(node, new)
         if self._coarse is not None:
-            self._coarse.put(node, self._filtered(panorama, self._filtering, self._camera.hfov_deg))
+            self._coarse.put(node, self._filtered_circle(panorama))
 
     def find(self, image: Image, references: list[Reference]) -> Matches:
         """Where and how well a full-size frame matches panoramas that are ready; ``value`` as ``Evidence.match``."""
@@ -236,7 +239,7 @@ class IMA:
             nodes: indices into the nodes of the map, one for each result.
         """
         rows = np.asarray(nodes, dtype=np.int64)
-        frames, references = self._zoomed(self._filtered(image, self.config.clahe), self._chosen(rows))
+        frames, references = self._zoomed(self._filtered(image, self.config.clahe), self._rows), self._chosen(rows)
         pairs = [(frame, references[0]) for frame in frames] + [(frames[0], wider) for wider in references[1:]]
         found = self._found(frames, references)
         zooms: list[int] = np.stack([matches.value for matches in found]).argmax(axis=0).tolist()
@@ -292,6 +295,16 @@ class IMA:
             return plain
         return clahe(plain, self.config.clahe_clip_limit, self.config.clahe_tiles, hfov_deg)
 
+    def _filtered_circle(self, panorama: Image) -> Image:
+        """A panorama of the map, grey at full size, with CLAHE unless it has been through it."""
+        return self._filtered(panorama, self._filtering, self._camera.hfov_deg)
+
+    def _circle_of(self, node: Node) -> Image:
+        """The same of a node, which has one."""
+        panorama = node.panorama
+        assert panorama is not None  # or ``fit`` would have refused the map
+        return self._filtered_circle(panorama)
+
     def _circles(self, circle: Image) -> list[Pixels]:
         """A filtered full-size panorama as it is matched: plain, and zoomed in."""
         columns = self._camera.panorama_columns(self.config.scale_columns)
@@ -313,18 +326,14 @@ class IMA:
         """None where all panoramas are to be matched, or where that takes no longer."""
         if not 0 < self.config.candidates * MATCHED_FOR_A_CANDIDATE <= len(topo_map.nodes):
             return None
-
-        def circle_of(node: Node) -> Image:
-            return self._filtered(panorama_of(node), self._filtering, self._camera.hfov_deg)
-
         filtering = self._filtering, self.config.clahe_clip_limit, self.config.clahe_tiles
-        return CoarseStage.fitted(topo_map, self.reference_zooms()[-1], circle_of, filtering)
+        return CoarseStage.fitted(topo_map, self.reference_zooms()[-1], self._circle_of, filtering)
 
     def _prepared_map(self, topo_map: TopoMap) -> dict[str, Pixels]:
         """Arrays of all panoramas, and what wrong nodes give; a panorama at a time is in memory at full size."""
         made: dict[str, Pixels] = {}
         for index, node in enumerate(topo_map.nodes):
-            circle = self._filtered(panorama_of(node), self._filtering, self._camera.hfov_deg)
+            circle = self._circle_of(node)
             pictures = {f"pixels_{number}": picture for number, picture in enumerate(self._circles(circle))}
             for name, picture in pictures.items():
                 if index == 0:
@@ -370,13 +379,12 @@ class IMA:
         """The best of the combinations of 4.1.5 for each reference, ``picture`` at full size and filtered."""
         nearer = self._advances
         advances = np.concatenate([[0.0], -nearer, nearer])
-        return best_of(self._found(*self._zoomed(picture, references)), advances)
+        return best_of(self._found(self._zoomed(picture, references[0].pixels.shape[1]), references), advances)
 
-    def _zoomed(self, picture: Image, references: list[Reference]) -> tuple[list[Pixels], list[Reference]]:
-        """The frame, plain and zoomed in, and the references, plain and zoomed in (4.1.5)."""
-        rows, columns = references[0].pixels.shape[1], self.config.scale_columns
+    def _zoomed(self, picture: Image, rows: int) -> list[Pixels]:
+        """A frame as it is matched, so many rows high: plain, and zoomed in (4.1.5)."""
         zooms = [1.0, *(1.0 / (1.0 - self._advances)).tolist()]
-        return [self._prepared(scaled(picture, columns, rows, zoom, zoom)) for zoom in zooms], references
+        return [self._prepared(scaled(picture, self.config.scale_columns, rows, zoom, zoom)) for zoom in zooms]
 
     def _found(self, frames: list[Pixels], references: list[Reference]) -> list[Matches]:
         """Every frame on the plain references, then the plain frame on every wider one."""
@@ -426,7 +434,7 @@ class IMA:
         for own in _evenly(len(topo_map.nodes), CALIBRATION_NODES).tolist():
             away = np.linalg.norm(self._positions[held] - self._positions[own], axis=1)
             others = away > SAME_PLACE_M
-            circle = self._filtered(panorama_of(topo_map.nodes[own]), self._filtering, self._camera.hfov_deg)
+            circle = self._circle_of(topo_map.nodes[own])
             for window, _ in cut_views(circle, 0.0, self._camera)[::CALIBRATION_STRIDE]:
                 values.append(self._best_of_zooms(window, references).value[others])
                 weights.append(1.0 / (self._density[own] * self._density[held][others]))
@@ -437,10 +445,3 @@ class IMA:
 def _evenly(count: int, most: int) -> Ints:
     """Numbers below ``count``, at most so many, evenly spaced."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
-
-
-def panorama_of(node: Node) -> Image:
-    """The panorama of a node that has one."""
-    panorama = node.panorama
-    assert panorama is not None  # or ``fit`` would have refused the map
-    return panorama
