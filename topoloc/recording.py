@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,14 +12,17 @@ import numpy as np
 
 from topoloc.errors import InputError
 from topoloc.files import read_depth, read_image, read_text, write_text
-from topoloc.geometry import Floats, wrap
-from topoloc.settings import build, convert, optional_length, read_toml, refuse_unknown
+from topoloc.geometry import Floats, compose, inverse, wrap
+from topoloc.lens import Lens
+from topoloc.rig_file import Mount, TruthOf, read_rig
 from topoloc.topo_map import Camera
 from topoloc.types import Frame, Image, Pixels
 
 KINDS = ("rgb", "omni", "right", "depth")
 MAX_OFFSET_S = 0.05
 """Pictures of different kinds belong to one frame when their times differ by at most this [s]."""
+OPTICAL_DOWN = 0.7
+"""Poses are of a camera's optical frame, not of a robot, where its y axis points down at least so far (cosine)."""
 
 
 class LazyImages(Mapping[str, Pixels]):
@@ -46,15 +49,6 @@ class LazyImages(Mapping[str, Pixels]):
 
     def __len__(self) -> int:
         return len(self._readers)
-
-
-@dataclass(frozen=True)
-class Mount:
-    """Where the camera sits on the robot: x, y [m], yaw_deg degrees counter-clockwise."""
-
-    x: float = 0.0
-    y: float = 0.0
-    yaw_deg: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -99,6 +93,8 @@ class Recording:
             edge of the first column looks along the camera's heading.
         omni: the table ``[omni]`` of ``camera.toml`` as it stands there, or None: how the ``omni`` pictures, not
             unwrapped, see around; ``topoloc unwrap`` reads it.
+        lens: how the ``rgb`` and ``depth`` pictures are bent; they are straightened when they are read. None: not at
+            all.
         odometry, truth: raw odometer and ground truth, where recorded.
         pan: times and angles of the pan head, as a track whose heading is the pan.
         expected: camera whose aspect ratio the ``rgb`` and ``right`` pictures must have, and whose panoramas'
@@ -113,6 +109,7 @@ class Recording:
     baseline_m: float | None = None
     panorama: bool = False
     omni: Mapping[str, Any] | None = None
+    lens: Lens | None = None
     odometry: Track | None = None
     truth: Track | None = None
     pan: Track | None = None
@@ -136,6 +133,7 @@ class Recording:
         if not pictures[main]:
             raise InputError(path / f"{main}.txt", "lists no pictures", "add a line 'timestamp path' for each")
         rig = read_rig(path / "camera.toml")
+        pan = _read_pan(path / "pan.txt")
         return cls(
             folder=path,
             kind=main,
@@ -145,9 +143,10 @@ class Recording:
             baseline_m=rig.baseline_m,
             panorama=rig.panorama,
             omni=rig.omni,
+            lens=rig.lens,
             odometry=_read_track(path / "odometry.txt"),
-            truth=_read_track(path / "groundtruth.txt"),
-            pan=_read_pan(path / "pan.txt"),
+            truth=_read_truth(path / "groundtruth.txt", rig.groundtruth_of, rig.mount, pan),
+            pan=pan,
         )
 
     def on(self, camera: Camera) -> Recording:
@@ -194,13 +193,26 @@ class Recording:
     def _reader(self, picture: Picture, kind: str) -> Callable[[], Pixels]:
         def read() -> Pixels:
             if kind == "depth":
-                return read_depth(picture.path)
+                return self._straight(read_depth(picture.path), picture, kind)
             image = read_image(picture.path)
+            if kind == "rgb":
+                image = self._straight(image, picture, kind)
             if self.expected is not None:
                 self._refuse_misfit(image, picture, kind, self.expected)
             return image
 
         return read
+
+    def _straight(self, image: Pixels, picture: Picture, kind: str) -> Pixels:
+        """The picture as the pinhole camera of ``camera.toml`` would have taken it."""
+        if self.lens is None or self.camera is None:
+            return image
+        try:
+            return self.lens.straighten(image, self.camera)
+        except ValueError as error:
+            remedy = "correct width and height in camera.toml, with fx, fy, cx, cy for that size"
+            listed = self.folder / f"{kind}.txt"
+            raise InputError(listed, f"{picture.path.name} {error}", remedy, line=picture.line) from None
 
     def _refuse_misfit(self, image: Image, picture: Picture, kind: str, camera: Camera) -> None:
         """Raise ``InputError`` for a picture of another aspect ratio than a camera's frames or panoramas."""
@@ -290,7 +302,45 @@ def _read_table(path: Path, columns: str) -> tuple[list[int], Floats] | None:
 
 
 def _read_track(path: Path) -> Track | None:
-    """A TUM trajectory, flattened to the plane; None where the file does not exist."""
+    """A TUM trajectory of the robot, flattened to the plane; None where the file does not exist."""
+    read = _read_poses(path)
+    if read is None:
+        return None
+    times, positions, turns = read
+    return Track(times, _flat(positions, turns[:, :, 0]))
+
+
+def _read_truth(path: Path, truth_of: TruthOf | None, mount: Mount, pan: Track | None) -> Track | None:
+    """Ground truth of the robot's axis, whether the file has its poses or those of the camera's optical frame.
+
+    Args:
+        path: a TUM trajectory; None is returned where it does not exist.
+        truth_of: whose poses they are; None: recognised, since a level camera's y axis points down.
+        mount: of the camera on the robot.
+        pan: of its head.
+    """
+    read = _read_poses(path)
+    if read is None:
+        return None
+    times, positions, turns = read
+    down = -turns[:, 2, 1]
+    if truth_of == "robot" or (truth_of is None and np.median(down) < OPTICAL_DOWN):
+        return Track(times, _flat(positions, turns[:, :, 0]))
+    camera = np.tile([mount.x, mount.y, np.deg2rad(mount.yaw_deg)], (len(times), 1))
+    if pan is not None:
+        camera[:, 2] += [pan.at(time)[2] for time in times]
+    return Track(times, compose(_flat(positions, turns[:, :, 2]), inverse(camera)))
+
+
+def _flat(positions: Floats, ahead: Floats) -> Floats:
+    """Poses (N, 3) in the plane, of positions (N, 3) and the directions (N, 3) that point ahead."""
+    return np.column_stack([positions[:, :2], wrap(np.arctan2(ahead[:, 1], ahead[:, 0]))])
+
+
+def _read_poses(path: Path) -> tuple[Floats, Floats, Floats] | None:
+    """Times (N,), positions (N, 3) and rotation matrices (N, 3, 3) of a TUM trajectory; None where there is none."""
+    from scipy.spatial.transform import Rotation
+
     read = _read_table(path, "timestamp tx ty tz qx qy qz qw")
     if read is None:
         return None
@@ -298,9 +348,7 @@ def _read_track(path: Path) -> Track | None:
     for line, quaternion in zip(lines, table[:, 4:], strict=True):
         if not quaternion.any():
             raise InputError(path, "the quaternion is zero", "write 0 0 0 1 for no rotation", line=line)
-    qx, qy, qz, qw = table[:, 4:].T
-    heading = np.arctan2(2.0 * (qw * qz + qx * qy), qw**2 + qx**2 - qy**2 - qz**2)
-    return Track(table[:, 0], np.column_stack([table[:, 1:3], wrap(heading)]))
+    return table[:, 0], table[:, 1:4], Rotation.from_quat(table[:, 4:]).as_matrix()
 
 
 def _read_pan(path: Path) -> Track | None:
@@ -310,47 +358,3 @@ def _read_pan(path: Path) -> Track | None:
         return None
     _, table = read
     return Track(table[:, 0], np.column_stack([np.zeros((len(table), 2)), np.deg2rad(table[:, 1])]))
-
-
-@dataclass(frozen=True)
-class Rig:
-    """What ``camera.toml`` tells; the fields are those of ``Recording``."""
-
-    camera: Camera | None = None
-    mount: Mount = field(default_factory=Mount)
-    baseline_m: float | None = None
-    panorama: bool = False
-    omni: Mapping[str, Any] | None = None
-
-
-def read_rig(path: Path) -> Rig:
-    """What a ``camera.toml`` tells; nothing where it does not exist. Raises ``UserError`` naming the key."""
-    if not path.exists():
-        return Rig()
-    table = read_toml(path, "restore it")
-    lens = {item.name for item in fields(Camera)}
-    refuse_unknown(table, lens | {item.name for item in fields(Rig)} - {"camera"}, path)
-    of_lens = {key: table[key] for key in lens & set(table)}
-    rig = Rig(
-        camera=build(Camera, of_lens, path) if of_lens else None,
-        mount=build(Mount, table.get("mount", {}), f"{path} [mount]"),
-        baseline_m=optional_length(table, "baseline_m", path),
-        panorama=convert(table.get("panorama", False), bool, f"{path}: panorama"),
-        omni=_omni_table(table["omni"], path) if "omni" in table else None,
-    )
-    if rig.panorama and rig.omni is not None:
-        raise InputError(
-            path, "panorama = true says unwrapped, [omni] how to unwrap", "take out the one that does not hold"
-        )
-    return rig
-
-
-def _omni_table(table: Any, path: Path) -> Mapping[str, Any]:
-    """The table ``[omni]``, held to what any model's settings are made of; the model itself is of another room."""
-    if not isinstance(table, Mapping) or not isinstance(table.get("model"), str):
-        raise InputError(path, "[omni] names no model", 'write [omni] and below it model = "conical" or another')
-    for key, value in table.items():
-        for item in value if isinstance(value, list) else [value]:
-            if not isinstance(item, str):
-                convert(item, float, f"{path} [omni]: {key}")
-    return table

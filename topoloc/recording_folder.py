@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from topoloc.files import write_image, write_text
 from topoloc.geometry import Floats, wrap
-from topoloc.recording import KINDS, Mount, write_track
+from topoloc.recording import KINDS, write_track
+from topoloc.rig_file import Mount, Rig, write_rig
 from topoloc.topo_map import Camera
 from topoloc.types import Frame, Pixels
 
@@ -94,15 +93,9 @@ class RecordingWriter:
         write_text(self._folder / name, "\n".join([f"# timestamp {column}", *lines, ""]))
 
     def _write_camera(self) -> None:
-        import tomli_w
-
         x, y, yaw = (float(value) for value in self._cameras[0])
-        table: dict[str, Any] = {**asdict(self._camera), "mount": asdict(Mount(x, y, float(np.rad2deg(yaw))))}
-        if self._baseline_m is not None:
-            table["baseline_m"] = self._baseline_m
-        if self._panorama:
-            table["panorama"] = True
-        write_text(self._folder / "camera.toml", tomli_w.dumps(table))
+        mount = Mount(x, y, float(np.rad2deg(yaw)))
+        write_rig(self._folder / "camera.toml", Rig(self._camera, mount, self._baseline_m, self._panorama))
 
 
 def _kinds_of(frame: Frame) -> tuple[str, ...]:

@@ -17,8 +17,9 @@ from oracles.spoil import Spoil, rewrite, write
 from topoloc.errors import InputError, UnreadableImage, UserError
 from topoloc.files import write_image
 from topoloc.geometry import wrap
-from topoloc.recording import LazyImages, Mount, Recording, Track, write_track
+from topoloc.recording import LazyImages, Recording, Track, write_track
 from topoloc.recording_folder import RecordingWriter
+from topoloc.rig_file import Mount
 from topoloc.topo_map import Camera
 from topoloc.types import Frame, Pixels
 

@@ -1,28 +1,11 @@
-"""``topoloc import``: others' formats into ours; ``topoloc import map``: the thesis's text map."""
+"""``topoloc import map``: a map folder of the thesis's text map."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
-
-from topoloc.plugins import load, names
-
-IMPORTERS = "topoloc.importers"
-"""Entry points of the commands below ``topoloc import``."""
-
-
-class ImportCommands(App):
-    """Bring others' formats into ours, such as the thesis's text map."""
-
-
-def import_commands() -> ImportCommands:
-    """The group ``topoloc import`` with every importer that is installed."""
-    group = ImportCommands(help=ImportCommands.__doc__)
-    for name in names(IMPORTERS):
-        group.command(load(IMPORTERS, name), name=name)
-    return group
+from cyclopts import Parameter
 
 
 def import_map(
@@ -56,6 +39,3 @@ def import_map(
     print(f"{output}: {len(topo_map.nodes)} nodes with panoramas, {len(np.asarray(topo_map.edges))} edges")
     print(f"camera {camera.width}x{camera.height}, {camera.hfov_deg:g} degrees; reference {reference_deg:g} degrees")
     print(f"next: topoloc check {output}")
-
-
-importers = import_commands()

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 from topoloc import __version__
+from topoloc.cli.group import fill
 from topoloc.errors import UserError, one_line
-from topoloc.plugins import COMMANDS, load, names
+from topoloc.plugins import COMMANDS
 
 EXIT_USER_ERROR, EXIT_DEFECT, EXIT_INTERRUPTED = 2, 70, 130
 
@@ -24,12 +25,7 @@ def build_app() -> App:
         version=__version__,
         suppress_keyboard_interrupt=False,
     )
-    for name in names(COMMANDS):
-        try:
-            app.command(load(COMMANDS, name), name=name)
-        except UserError as error:  # a broken command of somebody else's must not take the others with it
-            print(f"topoloc: the command {name!r} is left out: {one_line(str(error))}", file=sys.stderr)
-    return app
+    return fill(app, COMMANDS)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""``topoloc map``: what can be done with maps; ``topoloc map layout``: a layout from image distances alone."""
+"""``topoloc map layout``: a layout from image distances alone."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 from cyclopts.validators import Number
-
-from topoloc.plugins import load, names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,23 +16,9 @@ if TYPE_CHECKING:
     from topoloc.mapping import LayoutConfig, LayoutStep
     from topoloc.types import Image, Ints
 
-MAP_COMMANDS = "topoloc.map_commands"
-"""Entry points of the commands below ``topoloc map``."""
 OUTPUTS = ("layout.csv", "layout.png")
 FEWEST_IMAGES = 3
 """Two images have one distance, and no layout."""
-
-
-class MapCommands(App):
-    """What can be done with maps, such as a layout from images alone."""
-
-
-def map_commands() -> MapCommands:
-    """The group ``topoloc map`` with every command that is installed."""
-    group = MapCommands(help=MapCommands.__doc__)
-    for name in names(MAP_COMMANDS):
-        group.command(load(MAP_COMMANDS, name), name=name)
-    return group
 
 
 def layout(
@@ -229,6 +213,3 @@ def _report(output: Path, last: LayoutStep, fit: float | None, spacing_m: float 
     if not last.rests:
         print("warning: not at rest yet; more with --set layout.iterations=5000", file=sys.stderr)
     print(f"{output}: {', '.join(OUTPUTS)}")
-
-
-maps = map_commands()

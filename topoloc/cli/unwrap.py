@@ -60,7 +60,7 @@ def _unwrapper(path: Path, picture: Image, heading_deg: float) -> Unwrapper:
     import numpy as np
 
     from topoloc.errors import InputError
-    from topoloc.recording import read_rig
+    from topoloc.rig_file import read_rig
 
     if not path.is_file():
         raise InputError(path, "no such file", "write one: docs/formats.md, camera.toml")

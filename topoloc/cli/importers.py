@@ -1,0 +1,17 @@
+"""``topoloc import``: others' formats into ours."""
+
+from __future__ import annotations
+
+from cyclopts import App
+
+from topoloc.cli.group import fill
+
+IMPORTERS = "topoloc.importers"
+"""Entry points of the commands below ``topoloc import``."""
+
+
+class ImportCommands(App):
+    """Bring others' formats into ours: bags, videos, pictures, text maps, public data sets."""
+
+
+importers = fill(ImportCommands(help=ImportCommands.__doc__), IMPORTERS)

@@ -1,0 +1,17 @@
+"""``topoloc map``: what can be done with maps."""
+
+from __future__ import annotations
+
+from cyclopts import App
+
+from topoloc.cli.group import fill
+
+MAP_COMMANDS = "topoloc.map_commands"
+"""Entry points of the commands below ``topoloc map``."""
+
+
+class MapCommands(App):
+    """What can be done with maps: build one from a recording, show it, lay one out from images alone."""
+
+
+maps = fill(MapCommands(help=MapCommands.__doc__), MAP_COMMANDS)
