@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help bench bench-quick report speed test test-slow lint pictures realism accuracy panoramas reproduce constraints clean
+.PHONY: help bench bench-quick report speed test test-slow lint docs pictures realism accuracy panoramas reproduce constraints clean
 
 help:
 	@echo "make bench        set up, then compare sensors and estimators in the simulated laboratory (about a minute)"
@@ -17,6 +17,7 @@ help:
 	@echo "make test         set up, then run the tests"
 	@echo "make test-slow    the tests that take longer"
 	@echo "make lint         ruff, mypy and the import contract"
+	@echo "make docs         build the documentation with warnings as errors, into docs/_build"
 	@echo "make pictures     draw the pictures of the README and of docs/worlds.md again"
 	@echo "make realism      measure how hard the laboratory is, and write the table of docs/worlds.md (some minutes)"
 	@echo "make accuracy     measure how often each estimator is right, and write the tables of docs/estimators.md (minutes)"
@@ -67,6 +68,9 @@ lint: $(VENV)/.installed-dev
 	@MYPYPATH=tests $(BIN)/mypy --explicit-package-bases tests
 	@$(BIN)/lint-imports
 
+docs: $(VENV)/.installed-dev
+	@$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build
+
 pictures: $(VENV)/.installed
 	@$(BIN)/python -m benchmarks.pictures
 	@$(BIN)/python -m benchmarks.world_pictures
@@ -86,10 +90,10 @@ reproduce: $(VENV)/.installed
 
 constraints:
 	@rm -rf $(VENV)-newest && $(PYTHON) -m venv $(VENV)-newest
-	@$(VENV)-newest/bin/python -m pip --quiet install -e ".[dev,speed]"
+	@$(VENV)-newest/bin/python -m pip --quiet install -e ".[dev,speed,ros,dds,docs]"
 	@( echo "# Names and versions that the project is tested with; 'make constraints' writes this."; \
 	   $(VENV)-newest/bin/python -m pip freeze --exclude-editable ) > constraints.txt
 	@rm -rf $(VENV)-newest
 
 clean:
-	@rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis runs
+	@rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis runs docs/_build

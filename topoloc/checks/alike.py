@@ -1,0 +1,95 @@
+"""Nodes that look alike: a frame taken at one would be found at the other as well."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from topoloc import plugins
+from topoloc.checks.finding import Finding
+from topoloc.checks.going_through import Track
+from topoloc.checks.panoramas import MOST_NODES
+from topoloc.geometry import Floats
+from topoloc.topo_map import TopoMap
+from topoloc.types import Frame, Image
+
+DIRECTIONS = 12
+"""A frame is cut from a panorama at so many headings."""
+ALIKE = 0.8
+"""Match of IMA above which a frame of one node would be taken for another's; unlike nodes hardly reach .6."""
+MOST_PAIRS = 10
+"""So many pairs are told one by one."""
+
+
+def alike_findings(topo_map: TopoMap, where: str, track: Track) -> Iterator[Finding]:
+    """Pairs of nodes that no edge joins and that look alike in one direction or more, the most alike first.
+
+    Args:
+        topo_map: with panoramas; nothing is found in one without.
+        where: the map's file.
+        track: goes through the nodes.
+    """
+    having = [number for number, node in enumerate(topo_map.nodes) if node.has_panorama]
+    if len(having) < 2:
+        return
+    ima = plugins.make_sensor("ima")
+    ima.fit(topo_map)
+    looks = np.linspace(0, len(having) - 1, min(len(having), MOST_NODES)).round().astype(int)
+    found: dict[tuple[int, int], list[tuple[float, float]]] = {}
+    for number in track([having[i] for i in looks], "looking for nodes that look alike"):
+        for axis, frame in _frames(topo_map, number):
+            evidence = ima.observe(frame)
+            for row in evidence.best_per_node():
+                other = int(evidence.nodes[row])
+                if evidence.match[row] >= ALIKE and not _near(topo_map, number, other):
+                    found.setdefault((number, other), []).append((float(np.rad2deg(axis)), float(evidence.match[row])))
+    yield from _told(topo_map, where, found)
+
+
+def _frames(topo_map: TopoMap, number: int) -> Iterator[tuple[float, Frame]]:
+    """Frames cut from a node's panorama, and the heading of their optical axes [rad, map frame]."""
+    node = topo_map.nodes[number]
+    panorama = node.panorama
+    assert panorama is not None  # or it would not be asked for
+    columns = panorama.shape[1]
+    width = round(columns * topo_map.camera.hfov_deg / 360.0)
+    for k in range(DIRECTIONS):
+        start = k * columns // DIRECTIONS
+        cut: Image = np.ascontiguousarray(panorama[:, (start + np.arange(width)) % columns])
+        axis = node.heading - 2.0 * np.pi * (start + width / 2.0) / columns
+        yield float(axis), Frame(0.0, None, np.zeros(3), {"rgb": cut})
+
+
+def _near(topo_map: TopoMap, a: int, b: int) -> bool:
+    """Whether taking one node for the other does little harm: they are the same, or neighbours."""
+    return a == b or topo_map.adjacent(a, b)
+
+
+def _told(topo_map: TopoMap, where: str, found: dict[tuple[int, int], list[tuple[float, float]]]) -> Iterator[Finding]:
+    """A finding for each pair, whichever of the two the frames were cut at; the most alike first."""
+    strength = {pair: sum(match for _, match in seen) for pair, seen in found.items()}
+    pairs = sorted({(min(pair), max(pair)) for pair in found}, key=lambda p: -_both(strength, p))
+    remedy = "let a filter over time decide (--estimator particle), or add what tells them apart, such as a poster"
+    for a, b in pairs[:MOST_PAIRS]:
+        one = (a, b) if (a, b) in found else (b, a)
+        seen = found[one]
+        first, second = (topo_map.nodes[number].id for number in one)
+        directions = ", ".join(f"{_degrees(axis):.0f}" for axis, _ in seen)
+        best = max(match for _, match in seen)
+        what = (
+            f"nodes {first} and {second} look alike: {len(seen)} of {DIRECTIONS} frames at {first} match {second} "
+            f"(towards {directions} degrees), at best {best:.2f}"
+        )
+        yield Finding(where, what, remedy, "warning" if len(seen) >= DIRECTIONS / 3 else "note")
+    if len(pairs) > MOST_PAIRS:
+        yield Finding(where, f"{len(pairs) - MOST_PAIRS} more pairs of nodes look alike", remedy, "note")
+
+
+def _both(strength: dict[tuple[int, int], float], pair: tuple[int, int]) -> float:
+    return max(strength.get(pair, 0.0), strength.get(pair[::-1], 0.0))
+
+
+def _degrees(angle: float) -> Floats:
+    """An angle in degrees, from 0 to 360."""
+    return np.asarray(angle % 360.0)

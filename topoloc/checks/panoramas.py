@@ -1,0 +1,156 @@
+"""Panoramas: black parts, darkness, a circle that does not close, one that lies the wrong way round."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from topoloc.checks.finding import Finding, Severity, listed
+from topoloc.checks.going_through import Track
+from topoloc.checks.keypoints import Keypoints, WayRound, mirrored, way_round
+from topoloc.checks.lightness import flaw_of
+from topoloc.geometry import Floats
+from topoloc.topo_map import TopoMap
+from topoloc.types import Image
+
+SEAM_STEP = 8.0
+"""Where a circle closes, the step in grey from its last column to its first is below so many times the usual one."""
+SEAM_RANK = 0.005
+"""And more than this share of all steps from column to column are as large."""
+LEAST_STEP = 1.0
+"""Usual steps are taken for at least this [grey levels], in panoramas that are smooth."""
+MOST_NODES = 60
+"""So many nodes are held against their neighbours; on larger maps every so-manieth."""
+KEYPOINT_ROWS = 200
+"""Panoramas are reduced to so many rows before keypoints are looked for."""
+
+
+def grey_levels(picture: Image) -> Floats:
+    """Mean over the colours (rows, columns)."""
+    return np.asarray(picture.reshape(*picture.shape[:2], -1).mean(axis=2))
+
+
+def seam(panorama: Image) -> tuple[float, float]:
+    """How much the last column of a circle differs from its first.
+
+    Returns:
+        The step in grey as a multiple of the median step between neighbouring columns, and the share of those steps
+        that are as large.
+    """
+    grey = grey_levels(panorama)
+    steps = np.abs(grey - np.roll(grey, 1, axis=1)).mean(axis=0)
+    return float(steps[0] / max(float(np.median(steps)), LEAST_STEP)), float((steps[1:] >= steps[0]).mean())
+
+
+def panorama_findings(topo_map: TopoMap, where: str, track: Track) -> Iterator[Finding]:
+    """What is wrong with single panoramas."""
+    for number in track(range(len(topo_map.nodes)), "looking at panoramas"):
+        node = topo_map.nodes[number]
+        panorama = node.panorama
+        if panorama is None:
+            continue
+        name = f"the panorama of node {node.id}"
+        empty = float((panorama.reshape(len(panorama), panorama.shape[1], -1).max(axis=(0, 2)) == 0).mean())
+        flaw = flaw_of(panorama)
+        if empty > 0.0:
+            what = f"{empty * 360.0:.0f} degrees of {name} are black"
+            severity: Severity = "serious" if empty > 0.25 else "warning"
+            yield Finding(where, what, "take the snapshots again, or align them by another method", severity)
+        elif flaw is not None:
+            yield Finding(where, f"{name} {flaw.what}", flaw.remedy, "serious")
+        else:
+            step, rank = seam(panorama)
+            if step > SEAM_STEP and rank < SEAM_RANK:
+                what = f"{name} does not close: its last column differs from its first {step:.0f} times the usual step"
+                remedy = "look whether the turn was a full circle and hfov_deg is right; 'topoloc panorama' closes it"
+                yield Finding(where, what, remedy, "warning")
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Keypoints of a panorama, as it is and flipped left to right."""
+
+    straight: Keypoints
+    flipped: Keypoints
+
+
+def way_round_findings(topo_map: TopoMap, where: str, track: Track) -> Iterator[Finding]:
+    """Panoramas that lie otherwise than those of the nodes beside them: mirrored, upside down."""
+    seen: dict[int, _Seen] = {}
+    votes: dict[int, list[tuple[int, WayRound]]] = {}
+    for a, b in _pairs_to_compare(topo_map, track):
+        for number in (a, b):
+            if number not in seen:
+                seen[number] = _keypoints(topo_map.nodes[number].panorama)
+        way, _ = way_round(seen[a].straight, seen[b].straight, seen[b].flipped)
+        if way is not None:
+            votes.setdefault(a, []).append((b, way))
+            votes.setdefault(b, []).append((a, way))
+    yield from _outvoted(topo_map, where, votes)
+
+
+def _keypoints(panorama: Image | None) -> _Seen:
+    assert panorama is not None  # or it would not be compared
+    small = reduced(panorama)
+    return _Seen(Keypoints.of(small), Keypoints.of(mirrored(small)))
+
+
+def reduced(picture: Image) -> Image:
+    """A picture of at most ``KEYPOINT_ROWS`` rows, in which keypoints are found sooner."""
+    import cv2
+
+    scale = KEYPOINT_ROWS / len(picture)
+    small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1.0 else picture
+    return np.asarray(small)
+
+
+def _pairs_to_compare(topo_map: TopoMap, track: Track) -> Iterator[tuple[int, int]]:
+    """Edges between nodes with panoramas: all of them, or those of evenly picked nodes."""
+    having = [number for number, node in enumerate(topo_map.nodes) if node.has_panorama]
+    joined: dict[int, list[int]] = {number: [] for number in having}
+    for a, b in np.asarray(topo_map.edges).tolist():
+        if a in joined and b in joined:
+            joined[a].append(b)
+            joined[b].append(a)
+    picked = [having[i] for i in np.unique(np.linspace(0, len(having) - 1, MOST_NODES).round().astype(int))]
+    done: set[tuple[int, int]] = set()
+    for number in track(picked if having else [], "comparing panoramas"):
+        for other in sorted(joined[number], key=lambda j: _distance(topo_map, number, j))[:3]:
+            pair = (min(number, other), max(number, other))
+            if pair not in done:
+                done.add(pair)
+                yield pair
+
+
+def _distance(topo_map: TopoMap, a: int, b: int) -> float:
+    return float(np.linalg.norm(topo_map.positions[a] - topo_map.positions[b]))
+
+
+def _outvoted(topo_map: TopoMap, where: str, votes: dict[int, list[tuple[int, WayRound]]]) -> Iterator[Finding]:
+    """The nodes that most neighbours disagree with, the most disputed first; each is then left out of the count."""
+    left = {number: list(said) for number, said in votes.items()}
+    while True:
+        disputed = {n: sum(way != "same" for _, way in said) for n, said in left.items()}
+        worst = max(disputed, key=lambda n: (disputed[n] / max(1, len(left[n])), disputed[n]), default=None)
+        if worst is None or disputed[worst] == 0:
+            return
+        said = left.pop(worst)
+        ways = [way for _, way in said if way != "same"]
+        against = [topo_map.nodes[other].id for other, way in said if way != "same"]
+        way = max(set(ways), key=ways.count)
+        left = {n: [(other, vote) for other, vote in theirs if other != worst] for n, theirs in left.items()}
+        what = f"the panorama of node {topo_map.nodes[worst].id} is {way}, seen from {listed(against)}"
+        if len(said) == 1:
+            what += ", or the other way about"
+        yield Finding(where, what, f"turn the picture back, or take it again: {REMEDIES[way]}", "serious")
+
+
+REMEDIES: dict[WayRound, str] = {
+    "same": "",
+    "mirrored": "columns of a panorama run clockwise, and a front camera of a phone or a mirror flips left and right",
+    "rotated by 180 degrees": "the camera was mounted upside down",
+    "upside down": "its rows begin at the bottom",
+}
+"""What to look at, by the way round that a picture lies."""
