@@ -109,6 +109,9 @@ class PCAMap(ViewSensor):
 
         The seed leaves this as further work (7). Features of earlier views are carried over to the new basis from the
         old one, without their pictures; what the old basis left out of them stays lost.
+
+        Raises:
+            UserError: the map has panoramas only.
         """
         if self._views is None or self._topo_map is None:
             raise RuntimeError("PCAMap knows no map yet: call fit(topo_map) before extend(views)")

@@ -55,7 +55,7 @@ class ViewSensor(ABC):
 
     @abstractmethod
     def describe(self, pictures: Pictures) -> Floats:
-        """Descriptor of one frame's pictures. Raises ``RuntimeError`` for a sensor that first has to know a map."""
+        """Descriptor (...) of a frame's pictures; raises ``RuntimeError`` where the sensor first has to know a map."""
 
     @abstractmethod
     def distances(self, queries: Floats, others: Floats) -> Floats:

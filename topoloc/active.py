@@ -116,6 +116,9 @@ class ViewEvidence:
         Args:
             evidences: V of them, one or more, about the camera.
             poses: (V, 3) where the views were taken.
+
+        Raises:
+            ValueError: there is no view.
         """
         if not evidences:
             raise ValueError("there must be evidence of one view at least")

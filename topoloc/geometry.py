@@ -9,7 +9,7 @@ Floats = NDArray[np.float64]
 
 
 def wrap(angle: ArrayLike) -> Floats:
-    """Bring angles [rad] into -pi <= angle < pi, elementwise; the shape stays. Those that are there stay exactly."""
+    """Angles (...) [rad] brought into -pi <= angle < pi, elementwise; those that are there stay exactly."""
     angles = np.asarray(angle, dtype=np.float64)
     wrapped = angles - 2.0 * np.pi * np.floor((angles + np.pi) / (2.0 * np.pi))
     return np.asarray(np.where((wrapped < -np.pi) | (wrapped >= np.pi), -np.pi, wrapped))  # off by rounding only
@@ -49,7 +49,7 @@ def inverse(pose: ArrayLike) -> Floats:
 
 
 def between(start: ArrayLike, end: ArrayLike) -> Floats:
-    """Relative pose that leads from ``start`` to ``end``, in the frame of ``start``."""
+    """Relative pose that leads from ``start`` to ``end``, in the frame of ``start``; shapes (..., 3) broadcast."""
     return compose(inverse(start), end)
 
 

@@ -88,7 +88,7 @@ class Run:
         kidnapped_at: Sequence[int] = (),
         costs: Costs | None = None,
     ) -> Run:
-        """The record of a localizer's steps."""
+        """The record of a localizer's N steps beside the truth (N, 3). Raises ``ValueError`` for another N."""
         estimates, kinds = tuple(step.estimate for step in steps), tuple(step.kind for step in steps)
         pose = np.asarray(truth, dtype=np.float64)
         return cls(topo_map, estimates, kinds, pose, tuple(kidnapped_at), costs or Costs())

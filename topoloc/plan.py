@@ -32,7 +32,16 @@ def draw_plan(
     wrong: Sequence[int] = (),
     title: str = "",
 ) -> Figure:
-    """Draw a run; the arguments are those of ``draw_paths``, and a title above the plan."""
+    """Draw a run of N frames.
+
+    Args:
+        topo_map: nodes and edges.
+        estimates: (N, 3) poses, map frame.
+        truth: (N, 3), where known.
+        odometry: (N, 3) dead reckoning in the map frame, where known.
+        wrong: indices of estimates that named a wrong node.
+        title: above the plan.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.4, 5.0), layout="constrained")

@@ -69,7 +69,11 @@ class RecordingWriter:
             self._truth.append(truth)
 
     def close(self) -> None:
-        """Write the lists of pictures and poses, ``camera.toml`` and, for a camera that turned, ``pan.txt``."""
+        """Write the lists of pictures and poses, ``camera.toml`` and, for a camera that turned, ``pan.txt``.
+
+        Raises:
+            ValueError: no frame was added, or only some of them had odometry or a true pose.
+        """
         if not self._times:
             raise ValueError("a recording needs a frame; add one before closing")
         for kind in self._kinds:

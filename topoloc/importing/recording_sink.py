@@ -62,6 +62,9 @@ class RecordingSink:
             time: [s].
             data: an encoded file, kept to the byte, or pixels: uint8 (rows, cols[, 3]), depth uint16 (rows, cols).
             suffix: of the file's name, such as ``.jpg``; pixels are encoded by it.
+
+        Raises:
+            ValueError: there is no such kind.
         """
         if kind not in KINDS:
             raise ValueError(f"{kind!r} is no kind of picture; choose from: {', '.join(KINDS)}")

@@ -119,7 +119,7 @@ METHODS: Mapping[str, Steps] = {"batch": batch, "incremental": incremental}
 
 
 def laid_out(method: str, distances: Floats, config: LayoutConfig, rng: np.random.Generator) -> LayoutStep:
-    """The last step of a method, one of ``METHODS``; the other arguments are the method's."""
+    """The last step of a method, one of ``METHODS``, for image distances (N, N); the arguments are the method's."""
     *_, last = METHODS[method](distances, config, rng)
     return last
 

@@ -63,7 +63,7 @@ class Springs:
         return np.asarray(pull @ positions - pull.sum(axis=1)[:, None] * positions)
 
     def energy(self, positions: Floats, velocities: Floats) -> float:
-        """Of springs and motion: half of sum over pairs k (|l| - d)^2, and half of sum |v|^2."""
+        """At positions (N, 2) with velocities (N, 2): half of sum over pairs k (|l| - d)^2, and half of sum |v|^2."""
         x, y = (axis[:, None] - axis for axis in positions.T)
         stretched = np.sqrt(x * x + y * y) - self.lengths
         return float(0.25 * (self.stiffness * stretched**2).sum() + 0.5 * (velocities**2).sum())
