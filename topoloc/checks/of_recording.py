@@ -150,18 +150,23 @@ def _odometry_findings(recording: Recording, poses: Poses, times: Floats) -> Ite
     where = str(recording.folder / "odometry.txt")
     if len(poses.times) > 1:
         yield from _jumps(poses, where)
-        steps = np.diff(poses.times)
-        for i in np.flatnonzero((steps > GAP_FACTOR * np.median(steps)) & (steps > OUTSIDE_S)).tolist():
-            inside = int(((times > poses.times[i]) & (times < poses.times[i + 1])).sum())
-            if inside:
-                what = f"no reading for {steps[i]:.1f} s from {poses.times[i]:.3f} s on, over {inside} frames"
-                yield Finding(where, what, "what lies between is interpolated: look for lost readings", "warning")
+        yield from _holes(poses, where, times)
     outside = int(((times < poses.times[0] - OUTSIDE_S) | (times > poses.times[-1] + OUTSIDE_S)).sum())
     if outside:
         what = f"{outside} of {len(times)} frames lie outside its times"
         if outside == len(times):
             what += f": they begin {times[0] - poses.times[0]:+.1f} s after its first reading"
         yield Finding(where, what, "record both with one clock", "serious" if outside > 0.5 * len(times) else "warning")
+
+
+def _holes(poses: Poses, where: str, times: Floats) -> Iterator[Finding]:
+    """Stretches without poses that frames were taken in."""
+    steps = np.diff(poses.times)
+    for i in np.flatnonzero((steps > GAP_FACTOR * np.median(steps)) & (steps > OUTSIDE_S)).tolist():
+        inside = int(((times > poses.times[i]) & (times < poses.times[i + 1])).sum())
+        if inside:
+            what = f"no pose for {steps[i]:.1f} s from {poses.times[i]:.3f} s on, over {inside} frames"
+            yield Finding(where, what, "what lies between is interpolated: take these frames out", "warning")
 
 
 def _jumps(poses: Poses, where: str) -> Iterator[Finding]:
@@ -180,6 +185,8 @@ def _truth_findings(recording: Recording, truth: Poses, times: Floats) -> Iterat
     if outside:
         what = f"{outside} of {len(times)} frames lie outside its times"
         yield Finding(where, what, "cut them off: metrics would take its first or last pose for them", "warning")
+    if len(truth.times) > 1:
+        yield from _holes(truth, where, times)
     if recording.odometry is None:
         return
     true, measured = (_length(np.array([poses.at(time) for time in times])) for poses in (truth, recording.odometry))

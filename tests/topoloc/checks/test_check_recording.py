@@ -91,8 +91,16 @@ def test_gap_in_the_odometry_counts_where_frames_lie_in_it(tmp_path: Path) -> No
     dense = np.linspace(10.0, 25.0, 301)
     held = (dense < 15.0) | (dense > 18.0)
     path = np.column_stack([0.4 * (dense - 10.0), np.zeros((len(dense), 2))])
-    found = one(make(tmp_path, odometry=(dense[held], path[held])), "no reading for 3")
+    found = one(make(tmp_path, odometry=(dense[held], path[held])), "no pose for 3")
     assert "over 7 frames" in found.what or "over 6 frames" in found.what
+
+
+def test_truth_that_was_lost_for_a_while(tmp_path: Path) -> None:
+    dense = np.linspace(10.0, 25.0, 301)
+    held = (dense < 15.0) | (dense > 18.0)
+    path = np.column_stack([0.4 * (dense - 10.0), np.zeros((len(dense), 2))])
+    found = one(make(tmp_path, odometry=(dense, path), truth=(dense[held], path[held])), "no pose for 3")
+    assert "groundtruth.txt" in found.where
 
 
 def test_two_clocks(tmp_path: Path) -> None:
