@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +33,11 @@ class OdometryNoise:
     base_heading: float = 0.01
     unknown_distance: float = 0.30
     unknown_heading: float = 0.50
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if not value >= 0.0:
+                raise ValueError(f"{name} is {value}; a standard deviation is not negative")
 
     def motion(self, before: ArrayLike, after: ArrayLike) -> Motion:
         """Motion between two raw odometer poses (3,)."""

@@ -85,9 +85,9 @@ def _whole_lens(table: Any, path: Path) -> Any:
 
 
 def _camera(table: Mapping[str, Any], lens: Lens | None, path: Path) -> Camera | None:
-    """The pinhole camera; with a lens it needs the size of the pictures, and has the lens's focal length by default."""
+    """The pinhole camera, or None where no field of view is told; with a lens it is the lens's by default."""
     if lens is None:
-        return build(Camera, table, path) if table else None
+        return build(Camera, table, path) if "hfov_deg" in table else None
     for key in ("width", "height"):
         if key not in table:
             raise InputError(path, f"[lens] is told, but no {key}", "write the size of the pictures, in pixels")

@@ -120,6 +120,12 @@ def test_field_of_view_is_the_lens_s_where_none_is_told(tmp_path: Path) -> None:
     assert camera.hfov_deg == pytest.approx(2.0 * np.rad2deg(np.arctan(160.0 / 200.0)))
 
 
+def test_size_alone_is_no_camera(tmp_path: Path) -> None:
+    """The field of view is not made up."""
+    (tmp_path / "camera.toml").write_text("width = 320\nheight = 240\n")
+    assert read_rig(tmp_path / "camera.toml").camera is None
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [

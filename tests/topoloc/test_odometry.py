@@ -75,3 +75,8 @@ class TestNoise:
         motion = OdometryNoise(unknown_distance=0.7, unknown_heading=0.9).unknown()
         assert np.array_equal(motion.delta, np.zeros(3))
         assert motion.covariance == pytest.approx(np.diag([0.49, 0.49, 0.81]))
+
+
+def test_a_negative_deviation_is_refused() -> None:
+    with pytest.raises(ValueError, match="base_distance is -1"):
+        OdometryNoise(base_distance=-1.0)

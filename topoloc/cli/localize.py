@@ -20,7 +20,8 @@ OUTPUTS = ("trajectory.txt", "steps.csv", "plan.png", "metrics.json")
 BEFORE = "before"
 """Folder of a refreshed map that holds the panoramas as they were."""
 SETTINGS_HELP = (
-    "sensor.KEY=VALUE or estimator.KEY=VALUE, as 'topoloc list' names them; sensor.NAME.KEY=VALUE for one of several."
+    "sensor.KEY=VALUE or estimator.KEY=VALUE, as 'topoloc list' names them; sensor.NAME.KEY=VALUE for one of several; "
+    "odometry.KEY=VALUE for the odometer's noise, as 'topoloc tune' proposes it."
 )
 
 
@@ -55,17 +56,19 @@ def localize(
     from topoloc import plugins
     from topoloc.files import new_folder, refuse_to_overwrite
     from topoloc.localizer import Localizer
+    from topoloc.odometry import OdometryNoise
     from topoloc.recording import Recording
-    from topoloc.settings import parse_words, refuse_unknown
+    from topoloc.settings import build, parse_words, refuse_unknown
     from topoloc.topo_map import TopoMap
 
     refuse_to_overwrite(output, overwrite)
     the_map = TopoMap.load(topo_map)
     drive = Recording.load(recording).on(the_map.camera)
     tables = parse_words(settings)
-    refuse_unknown(tables, {"sensor", "estimator"} | ({"upkeep"} if upkeep else set()), "--set")
+    refuse_unknown(tables, {"sensor", "estimator", "odometry"} | ({"upkeep"} if upkeep else set()), "--set")
     eye = plugins.make_sensor(sensor, tables.get("sensor"))
     mind = plugins.make_estimator(estimator, tables.get("estimator"))
+    noise = build(OdometryNoise, tables.get("odometry", {}), "settings of odometry")
     _refuse_blindness(drive, sensor, eye)
     keeper = None if upkeep is None else _keeper(the_map, eye, tables.get("upkeep"), (upkeep, output))
     # The folder comes before the work: a place that cannot be written shows at once.
@@ -73,7 +76,7 @@ def localize(
         new_folder(output, overwrite, owned=OUTPUTS) as folder,
         nullcontext() if upkeep is None else new_folder(upkeep) as map_folder,
     ):
-        steps = _localized(drive, Localizer(the_map, eye, mind, rng=seed, upkeep=keeper))
+        steps = _localized(drive, Localizer(the_map, eye, mind, rng=seed, noise=noise, upkeep=keeper))
         run = _write(folder, the_map, drive, steps, f"{sensor} with {estimator}")
         if keeper is not None and map_folder is not None:
             _write_map(map_folder, keeper)
