@@ -1,0 +1,1 @@
+"""Public data sets as recordings: their documented layouts, and the splits that papers report on."""
