@@ -151,8 +151,12 @@ def read_image(path: Path) -> Image:
     Raises:
         UnreadableImage: the file is missing or does not decode.
     """
-    levels = _decoded(path)
-    if levels.ndim == 2:  # 16 bits a pixel: the upper eight of them
+    return as_rgb(_decoded(path))
+
+
+def as_rgb(levels: Pixels) -> Image:
+    """What ``decode_image`` gives, as uint8 (rows, cols, 3): of 16 bits a pixel the upper eight."""
+    if levels.ndim == 2:
         grey = (levels >> 8).clip(0, 255).astype(np.uint8)
         return np.repeat(grey[:, :, None], 3, axis=2)
     return levels.astype(np.uint8, copy=False)
@@ -173,13 +177,27 @@ def read_depth(path: Path) -> Depth:
 
 def _decoded(path: Path) -> Pixels:
     """The pixels of an image file, upright: RGB (rows, cols, 3) uint8; grey of more than 8 bits (rows, cols) int64."""
-    from PIL import Image as Pictures  # here, because importing topoloc loads numpy and scipy only
-    from PIL import ImageOps
-
     try:
         data = path.read_bytes()
     except (OSError, ValueError) as error:
         raise UnreadableImage(path, f"cannot be read ({reason(error)})", RESTORE) from None
+    return decode_image(data, path, "save it again as PNG or JPEG")
+
+
+def decode_image(data: bytes, name: Path, remedy: str) -> Pixels:
+    """The pixels of an encoded image, upright: RGB (rows, cols, 3) uint8; grey of over 8 bits (rows, cols) int64.
+
+    Args:
+        data: of a file, or of a message.
+        name: of the picture, for the error.
+        remedy: what to do about one that does not decode.
+
+    Raises:
+        UnreadableImage: it does not decode.
+    """
+    from PIL import Image as Pictures  # here, because importing topoloc loads numpy and scipy only
+    from PIL import ImageOps
+
     try:
         with Pictures.open(io.BytesIO(data)) as picture:
             upright = ImageOps.exif_transpose(picture)
@@ -187,7 +205,7 @@ def _decoded(path: Path) -> Pixels:
                 return np.asarray(upright).astype(np.int64)
             return np.asarray(upright.convert("RGB"), dtype=np.uint8)
     except (OSError, ValueError, SyntaxError, Pictures.DecompressionBombError):
-        raise UnreadableImage(path, "does not decode as an image", "save it again as PNG or JPEG") from None
+        raise UnreadableImage(name, "does not decode as an image", remedy) from None
 
 
 def write_image(path: Path, image: Image | Depth) -> None:

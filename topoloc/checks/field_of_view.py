@@ -49,6 +49,8 @@ def frame_findings(topo_map: TopoMap, looks: Sequence[Look], where: str, track: 
         where: their file.
         track: goes through the frames.
     """
+    if not any(node.has_panorama for node in topo_map.nodes):
+        return
     panoramas = _Panoramas(topo_map)
     found = [panoramas.place(looks[i]) for i in track(range(len(looks)), "holding frames against panoramas")]
     placed = [one for one in found if one is not None]
@@ -113,8 +115,6 @@ class _Panoramas:
         return max((one for one in found if one is not None), key=lambda one: one.support, default=None)
 
     def _near(self, look: Look) -> list[int]:
-        if len(self._having) == 0:
-            return []
         if look.position is None:
             return [int(number) for number in self._having[:: -(-len(self._having) // NODES_BLIND)]]
         distances = np.linalg.norm(self._map.positions[self._having] - look.position, axis=1)

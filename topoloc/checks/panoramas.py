@@ -114,9 +114,11 @@ def _pairs_to_compare(topo_map: TopoMap, track: Track) -> Iterator[tuple[int, in
         if a in joined and b in joined:
             joined[a].append(b)
             joined[b].append(a)
+    if len(having) < 2:
+        return
     picked = [having[i] for i in np.unique(np.linspace(0, len(having) - 1, MOST_NODES).round().astype(int))]
     done: set[tuple[int, int]] = set()
-    for number in track(picked if having else [], "comparing panoramas"):
+    for number in track(picked, "comparing panoramas"):
         for other in sorted(joined[number], key=lambda j: _distance(topo_map, number, j))[:3]:
             pair = (min(number, other), max(number, other))
             if pair not in done:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
+from topoloc.cli.live_setup import LiveChoice, live_localizer, stopped_by_signals
 from topoloc.cli.localize import SETTINGS_HELP
 
 if TYPE_CHECKING:
     from topoloc.dds.names import Topics
     from topoloc.dds.node import RosNode
     from topoloc.live.engine import LiveLocalizer, LiveReport
-    from topoloc.topo_map import TopoMap
 
 PATIENCE_S = 3.0
 """What does not come is told after so long, and looked at again so often [s]."""
@@ -52,16 +52,19 @@ def ros(
     """
     node_class = _installed()
     from topoloc.dds.names import Topics, domain_of
+    from topoloc.live.sources import rig_on
     from topoloc.topo_map import TopoMap
 
     topics = Topics(image_topic, odometry_topic, raw, namespace)
     number = domain_of(domain)
     the_map = TopoMap.load(topo_map)
-    live = _localizer(the_map, camera_toml, (sensor, estimator, seed), settings, state)
+    choice = LiveChoice(sensor, estimator, seed, settings, state)
+    live = live_localizer(the_map, choice, rig_on(camera_toml, the_map), frozenset({"rgb"}))
     node = node_class(topics, live, number)
     _introduce(topics, number)
     try:
-        _serve(node, live, number)
+        with stopped_by_signals():
+            _serve(node, live, number)
     finally:
         _conclude(live, state)
 
@@ -77,40 +80,6 @@ def _installed() -> type[RosNode]:
             raise
         raise UserError("topoloc ros needs cyclonedds; type: pip install 'topoloc[dds]'") from None
     return RosNode
-
-
-def _localizer(
-    the_map: TopoMap,
-    camera_toml: Path | None,
-    names: tuple[str, str, int],
-    settings: tuple[str, ...],
-    state: Path | None,
-) -> LiveLocalizer:
-    """What the node feeds; names are those of sensor and estimator, and the seed."""
-    from topoloc import plugins
-    from topoloc.errors import UserError
-    from topoloc.live import LiveConfig, LiveLocalizer
-    from topoloc.live.saved_belief import load
-    from topoloc.live.sources import mounted, rig_on
-    from topoloc.localizer import Localizer
-    from topoloc.odometry import OdometryNoise
-    from topoloc.settings import build, parse_words, refuse_unknown
-
-    sensor, estimator, seed = names
-    tables = parse_words(settings)
-    refuse_unknown(tables, {"sensor", "estimator", "odometry", "live"}, "--set")
-    config = build(LiveConfig, tables.get("live", {}), "settings of live")
-    noise = build(OdometryNoise, tables.get("odometry", {}), "settings of odometry")
-    rig = rig_on(camera_toml, the_map)
-    eye = plugins.make_sensor(sensor, tables.get("sensor"))
-    mind = plugins.make_estimator(estimator, tables.get("estimator"))
-    if eye.needs - {"rgb"}:
-        missing = ", ".join(sorted(eye.needs - {"rgb"}))
-        raise UserError(f"{sensor} needs {missing} pictures, and the topic gives rgb; choose another sensor")
-    saved = None if state is None else load(state, the_map)
-    localizer = Localizer(the_map, eye, mind, rng=seed, noise=noise)
-    camera = rig.camera or the_map.camera
-    return LiveLocalizer(localizer, mounted(rig), rig.lens, camera, config, saved, state_file=state, rng=seed)
 
 
 def _introduce(topics: Topics, domain: int) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
+from topoloc.cli.live_setup import LiveChoice, live_localizer, stopped_by_signals
 from topoloc.cli.localize import SETTINGS_HELP
 
 if TYPE_CHECKING:
@@ -69,10 +69,12 @@ def run(
         refuse_to_overwrite(log, overwrite)
     the_map = TopoMap.load(topo_map)
     source = _source(the_map, camera, video, recording, odometry, camera_toml)
-    live = _localizer(the_map, source, (sensor, estimator, seed), settings, rate, state)
+    words = settings if rate is None else (*settings, f"live.most_hz={rate}")
+    choice = LiveChoice(sensor, estimator, seed, words, state)
+    live = live_localizer(the_map, choice, source.rig, source.kinds)
     tell = _Teller(the_map, RunLog(the_map), json)
     try:
-        with _stopped_by_signals():
+        with stopped_by_signals():
             _work(live, source, odometry == "-", fast, tell)
     finally:
         tell.end(live, log, overwrite, state)
@@ -119,45 +121,6 @@ def _source(
         return sources.of_video(video, rig, None if odometry in (None, "none", "-") else Path(odometry))
     assert camera is not None  # one of the three is given
     return sources.of_camera(camera, rig)
-
-
-def _localizer(
-    the_map: TopoMap,
-    source: Source,
-    names: tuple[str, str, int],
-    settings: tuple[str, ...],
-    rate: float | None,
-    state: Path | None,
-) -> LiveLocalizer:
-    """The localizer, ready for the first picture; names are those of sensor and estimator, and the seed."""
-    from topoloc import plugins
-    from topoloc.errors import UserError
-    from topoloc.live import LiveConfig, LiveLocalizer
-    from topoloc.live.saved_belief import load
-    from topoloc.live.sources import mounted
-    from topoloc.localizer import Localizer
-    from topoloc.odometry import OdometryNoise
-    from topoloc.settings import build, parse_words, refuse_unknown
-
-    sensor, estimator, seed = names
-    tables = parse_words(settings)
-    refuse_unknown(tables, {"sensor", "estimator", "odometry", "live"}, "--set")
-    noise = build(OdometryNoise, tables.get("odometry", {}), "settings of odometry")
-    config = build(LiveConfig, _with_rate(tables.get("live", {}), rate), "settings of live")
-    eye = plugins.make_sensor(sensor, tables.get("sensor"))
-    mind = plugins.make_estimator(estimator, tables.get("estimator"))
-    missing = ", ".join(sorted(eye.needs - source.kinds))
-    if missing:
-        raise UserError(f"{sensor} needs {missing} pictures, which do not come from there; choose another sensor")
-    saved = None if state is None else load(state, the_map)
-    localizer = Localizer(the_map, eye, mind, rng=seed, noise=noise)
-    camera = source.rig.camera or the_map.camera
-    lens = source.rig.lens
-    return LiveLocalizer(localizer, mounted(source.rig), lens, camera, config, saved, state_file=state, rng=seed)
-
-
-def _with_rate(table: Any, rate: float | None) -> Any:
-    return table if rate is None else {**table, "most_hz": rate}
 
 
 def _work(live: LiveLocalizer, source: Source, piped: bool, fast: bool, tell: Callable[[LiveReport], None]) -> None:
@@ -224,19 +187,3 @@ class _Teller:
             print(f"{log}: trajectory.txt, steps.csv", file=out)
         if state is not None and state.exists():
             print(f"{state}: the belief; the same command goes on from there", file=out)
-
-
-@contextmanager
-def _stopped_by_signals() -> Iterator[None]:
-    """What ends a service ends the run as Ctrl-C does, with belief and log written."""
-    import signal
-    import threading
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

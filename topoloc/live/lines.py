@@ -37,13 +37,13 @@ def as_line(report: LiveReport, topo_map: TopoMap) -> str:
     place = "-" if report.node_id is None else f"{report.node_id} {_name(report, topo_map) or ''}".strip()
     counts = report.counts
     words = [
-        f"{report.timestamp:.2f} s",
         f"{report.status.value:<9}",
         place,
         f"x {x:.2f} y {y:.2f} heading {np.rad2deg(theta):.0f}",
         f"p {report.estimate.probability:.2f}",
         f"dropped {counts.dropped}/{counts.frames}",
         report.why,
+        f"at {report.timestamp:.2f} s",  # last, where a narrow terminal cuts
     ]
     return "  ".join(word for word in words if word)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from topoloc.errors import UnreadableImage, UserError
+from topoloc.files import as_rgb, decode_image
 from topoloc.lens import Lens
 from topoloc.live.mailbox import ImageData
 from topoloc.recording import LazyImages
@@ -39,7 +39,7 @@ class Straightener:
 
     def _straight(self, time: float, data: bytes | Image) -> Image:
         name = Path(f"the picture at {time:.3f} s")
-        image = decoded(data, name) if isinstance(data, bytes) else data
+        image = as_rgb(decode_image(data, name, "send JPEG or PNG")) if isinstance(data, bytes) else data
         if image.dtype != np.uint8 or image.ndim not in (2, 3) or not image.size:
             raise UnreadableImage(name, f"is {image.dtype} {image.shape}", "hand in uint8 (rows, cols[, 3])")
         rows, columns = image.shape[:2]
@@ -60,19 +60,3 @@ class Straightener:
         return (
             UnreadableImage(name, problem, remedy) if self._one_was_fine else UserError(f"{name} {problem}; {remedy}")
         )
-
-
-def decoded(data: bytes, name: Path) -> Image:
-    """An encoded picture as uint8 (rows, cols, 3), RGB, upright, as ``topoloc.files.read_image`` reads a file.
-
-    Raises:
-        UnreadableImage: it does not decode.
-    """
-    from PIL import Image as Pictures
-    from PIL import ImageOps
-
-    try:
-        with Pictures.open(io.BytesIO(data)) as picture:
-            return np.asarray(ImageOps.exif_transpose(picture).convert("RGB"), dtype=np.uint8)
-    except (OSError, ValueError, SyntaxError, Pictures.DecompressionBombError):
-        raise UnreadableImage(name, "does not decode as an image", "send JPEG or PNG") from None

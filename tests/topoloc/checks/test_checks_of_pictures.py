@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from topoloc import plugins
-from topoloc.checks import Finding, check_pair
+from topoloc.checks import Finding, check_map, check_pair
 from topoloc.checks.alike import alike_findings
 from topoloc.checks.field_of_view import Look, fitted_field, frame_findings
 from topoloc.checks.going_through import in_silence
@@ -19,7 +19,7 @@ from topoloc.checks.panoramas import panorama_findings, seam, way_round_findings
 from topoloc.checks.turn_sense import sense_findings
 from topoloc.recording import Recording
 from topoloc.recording_folder import RecordingWriter
-from topoloc.topo_map import Camera, TopoMap
+from topoloc.topo_map import Camera, TopoMap, View
 from topoloc.types import Frame, Image
 
 SEED = 1000
@@ -139,6 +139,16 @@ def test_circle_that_lacks_a_part_does_not_close(degrees: float, drive: Drive) -
     nodes = range(len(drive.topo_map.nodes))
     found = list(panorama_findings(drive.with_panoramas(without(degrees), *nodes), "map", in_silence))
     assert len([f for f in found if "does not close" in f.what]) >= len(nodes) - 1
+
+
+def test_map_of_views_alone_is_looked_over(drive: Drive, tmp_path: Path) -> None:
+    """As a drive that never turns makes it: there is no panorama to hold anything against."""
+    nodes = tuple(replace(node, panorama=None) for node in drive.topo_map.nodes)
+    views = tuple(View(pose, frame.images["rgb"]) for frame, pose in zip(drive.frames, drive.truth, strict=True))[:6]
+    report = check_map(replace(drive.topo_map, nodes=nodes, views=views), tmp_path)
+    (found,) = report.findings
+    assert found.severity == "note" and "8 of 8 nodes have no panorama" in found.what
+    assert not check_pair(replace(drive.topo_map, nodes=nodes), written(drive, tmp_path / "r", step=9)).findings
 
 
 def test_seam_of_a_closed_circle_is_a_step_like_others(drive: Drive) -> None:
