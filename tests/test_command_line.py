@@ -146,7 +146,7 @@ class TestLocalize:
             (["estimator.weighting=pw8"], "use one of: likelihood, pw1"),
             (["estimator.nosuch=1"], "nothing is called 'nosuch' here"),
             (["sensor.slots=0"], "slots is 0"),
-            (["particles=100"], "use one of: estimator, sensor"),
+            (["particles=100"], "use one of: estimator, odometry, sensor"),
         ],
     )
     def test_settings_that_cannot_be(
@@ -612,7 +612,7 @@ def test_a_defect_of_ours_is_not_blamed_on_the_user(
     def broken(group: str, name: str) -> object:
         raise ZeroDivisionError("ours")
 
-    monkeypatch.setattr("topoloc.cli.main.load", broken)
+    monkeypatch.setattr("topoloc.cli.group.load", broken)
     assert run(["check", "x"]) == 70
     err = capsys.readouterr().err
     assert "ZeroDivisionError: ours" in err and "defect of topoloc" in err
@@ -645,11 +645,15 @@ WORLDS = {
 }
 
 
+SLOW_WORLDS = ("building", "image_grid", "twins")
+"""Worlds of many panoramas, which are all looked over."""
+
+
 @pytest.mark.parametrize(
-    "world", [pytest.param(name, marks=pytest.mark.slow) if name in ("building", "twins") else name for name in WORLDS]
+    "world", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW_WORLDS else name for name in WORLDS]
 )
 def test_every_world_is_written_and_read_back(world: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Map and recording are what the world makes; ``check`` finds nothing wrong with them, but that twins look alike."""
+    """Map and recording are what the world makes; ``check`` finds nothing wrong, but that twins look alike."""
     settings = ["updates=3", *WORLDS[world]]
     options = [word for setting in settings for word in ("--set", setting)]
     assert run(["simulate", world, "-o", str(tmp_path / "out"), "--seed", "2", *options]) == 0

@@ -36,7 +36,7 @@ from benchmarks.speed.resampling import (
     some_weights,
 )
 from benchmarks.speed.screen import make_console, print_growths, print_profiles, print_results
-from topoloc.cli import main, progress
+from topoloc.cli import group, main, progress
 from topoloc.errors import UnknownName, UserError
 from topoloc.types import Evidence
 
@@ -132,8 +132,8 @@ def test_there_are_fewer_samples_where_the_work_is_long(
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[list[str]], int]:
     """The command line with this command alone, whatever else is installed."""
-    monkeypatch.setattr(main, "names", lambda group: ["speed"])
-    monkeypatch.setattr(main, "load", lambda group, name: speed)
+    monkeypatch.setattr(group, "names", lambda kind: ["speed"])
+    monkeypatch.setattr(group, "load", lambda kind, name: speed)
     return main.run
 
 

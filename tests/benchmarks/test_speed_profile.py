@@ -33,7 +33,7 @@ def test_time_of_others_code_is_that_of_our_function_which_called_it() -> None:
     profile.runcall(wrap, np.linspace(-9.0, 9.0, 50))
     shares = own_shares(profile)
     assert [function.name for function, _ in shares] == ["topoloc.geometry.wrap"]
-    assert shares[0][0].what.startswith("Bring angles [rad]")
+    assert shares[0][0].what.startswith("Angles (...) [rad] brought")
     assert shares[0][1] == 1.0
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from topoloc import plugins
+from topoloc.checks.distances import distance, median_spacing
 from topoloc.checks.finding import Finding
 from topoloc.checks.going_through import Track
 from topoloc.checks.panoramas import MOST_NODES
@@ -18,6 +20,8 @@ DIRECTIONS = 12
 """A frame is cut from a panorama at so many headings."""
 ALIKE = 0.8
 """Match of IMA above which a frame of one node would be taken for another's; unlike nodes hardly reach .6."""
+NEAR_M, NEAR_SPACINGS = 1.0, 2.0
+"""Nodes so near to each other, in metres or in median spacings, may look alike: one for the other is hardly off."""
 MOST_PAIRS = 10
 """So many pairs are told one by one."""
 
@@ -33,18 +37,29 @@ def alike_findings(topo_map: TopoMap, where: str, track: Track) -> Iterator[Find
     having = [number for number, node in enumerate(topo_map.nodes) if node.has_panorama]
     if len(having) < 2:
         return
+    shown = _with_nodes(topo_map, having)
     ima = plugins.make_sensor("ima")
-    ima.fit(topo_map)
+    ima.fit(shown)
     looks = np.linspace(0, len(having) - 1, min(len(having), MOST_NODES)).round().astype(int)
     found: dict[tuple[int, int], list[tuple[float, float]]] = {}
-    for number in track([having[i] for i in looks], "looking for nodes that look alike"):
-        for axis, frame in _frames(topo_map, number):
+    for number in track([int(i) for i in looks], "looking for nodes that look alike"):
+        for axis, frame in _frames(shown, number):
             evidence = ima.observe(frame)
             for row in evidence.best_per_node():
                 other = int(evidence.nodes[row])
-                if evidence.match[row] >= ALIKE and not _near(topo_map, number, other):
+                if evidence.match[row] >= ALIKE and not _near(shown, number, other):
                     found.setdefault((number, other), []).append((float(np.rad2deg(axis)), float(evidence.match[row])))
-    yield from _told(topo_map, where, found)
+    yield from _told(shown, where, found)
+
+
+def _with_nodes(topo_map: TopoMap, numbers: list[int]) -> TopoMap:
+    """The map with some of its nodes only, and the edges between them; IMA takes no map where one has no panorama."""
+    if len(numbers) == len(topo_map.nodes):
+        return topo_map
+    rank = {number: place for place, number in enumerate(numbers)}
+    edges = [(rank[a], rank[b]) for a, b in np.asarray(topo_map.edges).tolist() if a in rank and b in rank]
+    pairs = np.array(edges, dtype=np.int64).reshape(-1, 2)
+    return replace(topo_map, nodes=tuple(topo_map.nodes[number] for number in numbers), edges=pairs)
 
 
 def _frames(topo_map: TopoMap, number: int) -> Iterator[tuple[float, Frame]]:
@@ -62,8 +77,9 @@ def _frames(topo_map: TopoMap, number: int) -> Iterator[tuple[float, Frame]]:
 
 
 def _near(topo_map: TopoMap, a: int, b: int) -> bool:
-    """Whether taking one node for the other does little harm: they are the same, or neighbours."""
-    return a == b or topo_map.adjacent(a, b)
+    """Whether taking one node for the other does little harm: they are the same, neighbours, or close by."""
+    close = max(NEAR_M, NEAR_SPACINGS * median_spacing(topo_map))
+    return a == b or topo_map.adjacent(a, b) or distance(topo_map, a, b) <= close
 
 
 def _told(topo_map: TopoMap, where: str, found: dict[tuple[int, int], list[tuple[float, float]]]) -> Iterator[Finding]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from topoloc.checks.distances import median_spacing
 from topoloc.checks.field_of_view import Look, frame_findings
 from topoloc.checks.finding import Finding, Report
 from topoloc.checks.going_through import Track, in_silence
@@ -55,7 +55,7 @@ def _off_the_map(topo_map: TopoMap, recording: Recording) -> Iterator[Finding]:
     if recording.truth is None or len(topo_map.nodes) < 2:
         return
     poses = np.array([recording.truth.at(picture.time) for picture in recording.pictures[recording.kind]])
-    spacing = float(np.median(cKDTree(topo_map.positions).query(topo_map.positions, k=2)[0][:, 1]))
+    spacing = median_spacing(topo_map)
     distance = float(np.median(topo_map.distance_to_nearest(poses[:, :2])))
     if distance > FAR_FACTOR * spacing:
         what = f"half of the true poses lie {distance:.1f} m or more from any node; nodes are {spacing:.1f} m apart"

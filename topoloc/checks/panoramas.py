@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from topoloc.checks.distances import distance
 from topoloc.checks.finding import Finding, Severity, listed
 from topoloc.checks.going_through import Track
 from topoloc.checks.keypoints import Keypoints, WayRound, mirrored, way_round
@@ -119,15 +120,11 @@ def _pairs_to_compare(topo_map: TopoMap, track: Track) -> Iterator[tuple[int, in
     picked = [having[i] for i in np.unique(np.linspace(0, len(having) - 1, MOST_NODES).round().astype(int))]
     done: set[tuple[int, int]] = set()
     for number in track(picked, "comparing panoramas"):
-        for other in sorted(joined[number], key=lambda j: _distance(topo_map, number, j))[:3]:
+        for other in sorted(joined[number], key=lambda j: distance(topo_map, number, j))[:3]:
             pair = (min(number, other), max(number, other))
             if pair not in done:
                 done.add(pair)
                 yield pair
-
-
-def _distance(topo_map: TopoMap, a: int, b: int) -> float:
-    return float(np.linalg.norm(topo_map.positions[a] - topo_map.positions[b]))
 
 
 def _outvoted(topo_map: TopoMap, where: str, votes: dict[int, list[tuple[int, WayRound]]]) -> Iterator[Finding]:

@@ -33,8 +33,10 @@ def sense_findings(recording: Recording) -> Iterator[Finding]:
     """
     frames = [recording.frame(picture) for picture in recording.pictures[recording.kind]]
     turns = [pair for pair in pairwise(frames) if TURN_DEG[0] <= abs(_turn(*pair)) <= TURN_DEG[1]]
-    chosen = np.unique(np.linspace(0, len(turns) - 1, MOST_TURNS).round().astype(int)) if turns else []
-    shifts = [_shift(*turns[i], recording.kind) * np.sign(_turn(*turns[i])) for i in chosen]
+    if len(turns) < LEAST_TURNS:
+        return
+    chosen = [turns[i] for i in np.unique(np.linspace(0, len(turns) - 1, MOST_TURNS).round().astype(int))]
+    shifts = [_shift(before, after, recording.kind) * np.sign(_turn(before, after)) for before, after in chosen]
     told = [shift for shift in shifts if shift != 0.0]
     against = sum(shift < 0.0 for shift in told)
     if len(told) >= LEAST_TURNS and against >= MOST_AGAINST * len(told):
