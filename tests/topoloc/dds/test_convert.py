@@ -57,7 +57,7 @@ def test_every_encoding_gives_the_same_red(encoding: str) -> None:
         table = np.tile(row[encoding], (8, 8))
     padded = np.hstack([table, np.zeros((8, 3), dtype=int)]).astype(np.uint8)
     image = pixels(ros.Image(ros.Header(), 8, 8, encoding, 0, 8 * depth + 3, padded.tobytes()))
-    assert (image.shape, image.dtype) == ((8, 8, 3), np.uint8)
+    assert image.shape == (8, 8, 3) and image.dtype == np.uint8
     wanted = [67, 67, 67] if encoding in ("mono8", "8UC1") else [200, 10, 10]
     assert (image[2:-2, 2:-2] == wanted).all()
 

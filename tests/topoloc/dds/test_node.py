@@ -137,8 +137,14 @@ def test_what_comes_of_it_is_published_under_the_stamp_of_its_picture(beside: Be
     beside.node.publish(report(0.0, used=0))
     beside.node.publish(report(beside.sink.images[0][0], used=1, why="the camera is silent for 3.1 s"))
     got: dict[str, list[Any]] = {name: [] for name in readers}
-    for name, count in {"node": 2, "pose": 1, "particle_cloud": 1, "status": 2}.items():
-        until(lambda name=name, count=count: len(got.setdefault(name, []).__iadd__(readers[name].take(9))) >= count)
+    wanted = {"node": 2, "pose": 1, "particle_cloud": 1, "status": 2}
+
+    def all_came() -> bool:
+        for name in wanted:
+            got[name] += readers[name].take(9)
+        return all(len(got[name]) >= count for name, count in wanted.items())
+
+    until(all_came)
     assert [message.data for message in got["node"]] == ["N0", "N0"]
     assert [message.data for message in got["status"]] == ["LOST", "LOST: the camera is silent for 3.1 s"]
     (pose,), (cloud,) = got["pose"], got["particle_cloud"]

@@ -118,7 +118,7 @@ def test_poses_go_before_speeds(tmp_path: Path) -> None:
         "yaw_deg": [0, 90],
     }
     track = read_poses_csv(written(tmp_path / "drive.csv", columns))
-    np.testing.assert_allclose(track.poses, [[3, 0, 0], [4, 0, np.pi / 2]])
+    np.testing.assert_allclose(track.poses, np.array([[3.0, 0.0, 0.0], [4.0, 0.0, np.pi / 2]]))
     assert track.ignored == ("v_m_s", "omega_rad_s")
     assert track.columns == {"time": "time_s", "x": "x_m", "y": "y_m", "heading": "yaw_deg"}
 
@@ -133,7 +133,7 @@ def test_what_rostopic_writes_is_read(tmp_path: Path) -> None:
     path.write_text("\n".join([",".join(names), *rows]))
     track = read_poses_csv(path)
     np.testing.assert_allclose(track.times, [1500000000.5, 1500000001.5], atol=1e-6)
-    np.testing.assert_allclose(np.abs(track.poses), [[1, 2, 0], [2, 2, np.pi]], atol=1e-9)
+    np.testing.assert_allclose(np.abs(track.poses), np.array([[1.0, 2.0, 0.0], [2.0, 2.0, np.pi]]), atol=1e-9)
     assert track.clock == "ns"
 
 

@@ -52,6 +52,7 @@ def lapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     writer = RecordingWriter(folder / "recording", CAMERA)
     for time in range(2 * len(PLACES) * LAPS):
         node = nodes[time // 2 % len(PLACES)]
+        assert node.panorama is not None
         image, heading = cut_views(node.panorama, 0.0, CAMERA)[time % 24]
         spoilt = np.where(rng.random((72, 96, 1)) < 0.88, rng.integers(0, 256, (72, 96, 3)), image).astype(np.uint8)
         truth = np.array([node.x, node.y, heading])
