@@ -20,6 +20,7 @@ PAGES = sorted((ROOT / "docs" / "reference").glob("*.rst"))
 DOORS = (
     "topoloc",
     "topoloc.behaviours",
+    "topoloc.camera",
     "topoloc.checks",
     "topoloc.importing",
     "topoloc.live",

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from topoloc.camera.jackknife import jackknife
-from topoloc.checks.going_through import Track, in_silence
 from topoloc.errors import InputError, UserError
 from topoloc.files import read_image
 from topoloc.geometry import Floats
+from topoloc.going_through import Track, in_silence
 from topoloc.lens import Lens
 from topoloc.topo_map import Camera
 from topoloc.types import Image

@@ -12,9 +12,9 @@ from topoloc.camera.matching import Matcher, Matches
 from topoloc.camera.poses import poses_at_frames, refuse_panoramas
 from topoloc.camera.turn_fit import TurnedPoints, fitted, searched, spread
 from topoloc.camera.turns import HOW_TO, circle_headings, closed_circle, odometer_scale, spot_pairs, turned_in
-from topoloc.checks.going_through import Track, in_silence
 from topoloc.errors import InputError, UserError
 from topoloc.geometry import Floats, between, compose
+from topoloc.going_through import Track, in_silence
 from topoloc.recording import Recording
 
 LEAST_PAIRS = 4

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from topoloc.checks.keypoints import LEAST_SUPPORT, Keypoints, pairs_of
 from topoloc.errors import UnreadableImage
 from topoloc.geometry import Floats
+from topoloc.keypoints import LEAST_SUPPORT, Keypoints, pairs_of
 from topoloc.recording import Recording
 from topoloc.types import Image
 

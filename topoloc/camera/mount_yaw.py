@@ -19,9 +19,9 @@ from topoloc.camera.jackknife import jackknife
 from topoloc.camera.level import View, turned
 from topoloc.camera.matching import Matcher, Matches
 from topoloc.camera.poses import poses_at_frames, refuse_panoramas
-from topoloc.checks.going_through import Track, in_silence
 from topoloc.errors import InputError
 from topoloc.geometry import Floats, between, compose, wrap
+from topoloc.going_through import Track, in_silence
 from topoloc.recording import Recording
 from topoloc.types import Ints
 

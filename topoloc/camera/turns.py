@@ -9,10 +9,10 @@ import numpy as np
 
 from topoloc.camera.level import View
 from topoloc.camera.matching import Matcher, Matches
-from topoloc.checks.going_through import Track
-from topoloc.checks.keypoints import LEAST_SUPPORT
 from topoloc.errors import InputError
 from topoloc.geometry import Floats
+from topoloc.going_through import Track
+from topoloc.keypoints import LEAST_SUPPORT
 from topoloc.recording import Recording
 
 SPOT_M_PER_RAD = 0.1

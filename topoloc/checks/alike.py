@@ -10,9 +10,9 @@ import numpy as np
 from topoloc import plugins
 from topoloc.checks.distances import distance, median_spacing
 from topoloc.checks.finding import Finding
-from topoloc.checks.going_through import Track
 from topoloc.checks.panoramas import MOST_NODES
 from topoloc.geometry import Floats
+from topoloc.going_through import Track
 from topoloc.topo_map import TopoMap
 from topoloc.types import Frame, Image
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from topoloc.checks.finding import Finding
-from topoloc.checks.going_through import Track
-from topoloc.checks.keypoints import LEAST_SUPPORT, Keypoints, WayRound, mirrored, pairs_of, way_round
 from topoloc.checks.panoramas import REMEDIES, reduced
 from topoloc.geometry import Floats
+from topoloc.going_through import Track
+from topoloc.keypoints import LEAST_SUPPORT, Keypoints, WayRound, mirrored, pairs_of, way_round
 from topoloc.topo_map import TopoMap
 from topoloc.types import Image
 

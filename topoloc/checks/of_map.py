@@ -10,8 +10,8 @@ import numpy as np
 from topoloc.checks.alike import alike_findings
 from topoloc.checks.field_of_view import Look, frame_findings
 from topoloc.checks.finding import Finding, Report, listed
-from topoloc.checks.going_through import Track, in_silence
 from topoloc.checks.panoramas import panorama_findings, way_round_findings
+from topoloc.going_through import Track, in_silence
 from topoloc.pictures import PictureFile, held_in
 from topoloc.topo_map import TopoMap
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from topoloc.checks.finding import Finding, Report, Severity, listed
-from topoloc.checks.going_through import Track, in_silence
 from topoloc.checks.lightness import flaw_of
 from topoloc.checks.turn_sense import sense_findings
 from topoloc.errors import InputError, UnreadableImage, UserError
 from topoloc.geometry import Floats, between
+from topoloc.going_through import Track, in_silence
 from topoloc.recording import Picture, Recording
 from topoloc.recording import Track as Poses
 from topoloc.types import Pixels

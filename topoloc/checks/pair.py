@@ -9,9 +9,9 @@ import numpy as np
 from topoloc.checks.distances import median_spacing
 from topoloc.checks.field_of_view import Look, frame_findings
 from topoloc.checks.finding import Finding, Report
-from topoloc.checks.going_through import Track, in_silence
 from topoloc.checks.of_recording import frames_apart
 from topoloc.errors import InputError
+from topoloc.going_through import Track, in_silence
 from topoloc.recording import Recording
 from topoloc.topo_map import TopoMap
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from topoloc.checks.distances import distance
 from topoloc.checks.finding import Finding, Severity, listed
-from topoloc.checks.going_through import Track
-from topoloc.checks.keypoints import Keypoints, WayRound, mirrored, way_round
 from topoloc.checks.lightness import flaw_of
 from topoloc.geometry import Floats
+from topoloc.going_through import Track
+from topoloc.keypoints import Keypoints, WayRound, mirrored, way_round
 from topoloc.topo_map import TopoMap
 from topoloc.types import Image
 

@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 from topoloc.checks.finding import Finding
-from topoloc.checks.keypoints import LEAST_SUPPORT, Keypoints, pairs_of
 from topoloc.checks.panoramas import reduced
 from topoloc.geometry import between, compose
+from topoloc.keypoints import LEAST_SUPPORT, Keypoints, pairs_of
 from topoloc.recording import Recording
 from topoloc.types import Frame
 

@@ -89,7 +89,8 @@ def test_corners_of_a_large_picture_are_exact() -> None:
     """Three times as large: searched in a reduced picture, refined in the whole one."""
     small = picture_of_board("pinhole", np.array([0.1, 0.2, 0.05]), np.array([0.0, 0.0, 11.0]))
     corners = corners_of(small, BOARD)
-    large = corners_of(cv2.resize(small, None, fx=3.0, fy=3.0, interpolation=cv2.INTER_CUBIC), BOARD)
+    enlarged = np.asarray(cv2.resize(small, None, fx=3.0, fy=3.0, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+    large = corners_of(enlarged, BOARD)
     assert corners is not None and large is not None
     assert np.abs((large + 0.5) / 3.0 - 0.5 - corners).max() < 0.1
 

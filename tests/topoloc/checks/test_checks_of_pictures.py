@@ -14,9 +14,9 @@ from topoloc import plugins
 from topoloc.checks import Finding, check_map, check_pair
 from topoloc.checks.alike import alike_findings
 from topoloc.checks.field_of_view import Look, fitted_field, frame_findings
-from topoloc.checks.going_through import in_silence
 from topoloc.checks.panoramas import panorama_findings, seam, way_round_findings
 from topoloc.checks.turn_sense import sense_findings
+from topoloc.going_through import in_silence
 from topoloc.recording import Recording
 from topoloc.recording_folder import RecordingWriter
 from topoloc.topo_map import Camera, TopoMap, View
@@ -120,6 +120,7 @@ class TestWayRound:
         assert sorted(f.what.split(f" is {told}")[0] for f in found) == [f"the panorama of node {i}" for i in ids]
         assert all(f.severity == "serious" for f in found)
 
+    @pytest.mark.slow
     def test_frames_lie_otherwise_than_the_panoramas(self, change: Change, told: str, drive: Drive) -> None:
         (found,) = frame_findings(drive.topo_map, drive.looks(change)[::3], "rgb.txt", in_silence)
         assert f"are {told}" in found.what
@@ -198,6 +199,7 @@ def written(
     return Recording.load(folder)
 
 
+@pytest.mark.slow
 def test_map_and_recording_together(drive: Drive, tmp_path: Path) -> None:
     assert not check_pair(drive.topo_map, written(drive, tmp_path / "fits", step=3)).findings
     far = check_pair(drive.topo_map, written(drive, tmp_path / "far", moved=20.0, step=9)).findings
