@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help bench bench-quick report speed test test-slow lint docs pictures realism accuracy panoramas reproduce constraints clean
+.PHONY: help bench bench-quick report speed test test-slow lint docs own-data pictures realism accuracy panoramas reproduce constraints clean
 
 help:
 	@echo "make bench        set up, then compare sensors and estimators in the simulated laboratory (about a minute)"
@@ -22,6 +22,7 @@ help:
 	@echo "make realism      measure how hard the laboratory is, and write the table of docs/worlds.md (some minutes)"
 	@echo "make accuracy     measure how often each estimator is right, and write the tables of docs/estimators.md (minutes)"
 	@echo "make panoramas    measure how well panoramas close, and write the table of docs/panoramas.md (minutes)"
+	@echo "make own-data     measure the tables of docs/maps.md, import.md and check.md again (minutes)"
 	@echo "make reproduce    do all published experiments again, and write their two pages (about two hours)"
 	@echo "make constraints  write constraints.txt anew from the newest versions"
 
@@ -83,6 +84,9 @@ accuracy: $(VENV)/.installed
 
 panoramas: $(VENV)/.installed
 	@$(BIN)/python -m benchmarks.panoramas --write
+
+own-data: $(VENV)/.installed
+	@$(BIN)/python -m benchmarks.own_data --write
 
 reproduce: $(VENV)/.installed
 	@$(BIN)/topoloc reproduce all $$(test -d runs/reproduce-all && echo --resume || echo --out) runs/reproduce-all

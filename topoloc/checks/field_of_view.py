@@ -49,11 +49,7 @@ def frame_findings(topo_map: TopoMap, looks: Sequence[Look], where: str, track: 
         where: their file.
         track: goes through the frames.
     """
-    if not any(node.has_panorama for node in topo_map.nodes):
-        return
-    panoramas = _Panoramas(topo_map)
-    found = [panoramas.place(looks[i]) for i in track(range(len(looks)), "holding frames against panoramas")]
-    placed = [one for one in found if one is not None]
+    placed = placed_on(topo_map, looks, track)
     if len(placed) < LEAST_FRAMES:
         return
     ways = [one.way for one in placed]
@@ -62,8 +58,7 @@ def frame_findings(topo_map: TopoMap, looks: Sequence[Look], where: str, track: 
         what = f"{ways.count(way)} of {len(ways)} frames that were found on panoramas are {way}"
         yield Finding(where, what, f"turn the pictures, or the panoramas: {REMEDIES[way]}", "serious")
         return
-    fitted = fitted_field([(one.columns, one.angles) for one in placed if one.way == "same"])
-    told = topo_map.camera.hfov_deg
+    fitted, told = fitted_field(placed), topo_map.camera.hfov_deg
     off = abs(fitted / told - 1.0)
     if off > OFF_SHARE:
         what = f"the field of view is told as {told:.0f} degrees, but {len(placed)} frames fit best with {fitted:.0f}"
@@ -71,14 +66,36 @@ def frame_findings(topo_map: TopoMap, looks: Sequence[Look], where: str, track: 
         yield Finding(where, what, remedy, "serious" if off > FAR_OFF_SHARE else "warning")
 
 
-def fitted_field(frames: Sequence[tuple[Floats, Floats]]) -> float:
-    """The horizontal field of view [degrees] that fits keypoints of frames found on panoramas best.
+@dataclass(frozen=True)
+class Placed:
+    """A frame found on a panorama.
 
-    Args:
-        frames: for each, columns (M,) from the middle, 1 at the right edge, and angles (M,) of the same things on a
-            panorama [rad, counter-clockwise].
+    Attributes:
+        way: how it lies on it.
+        support: keypoints that speak for that.
+        columns: (M,) of keypoints that both show, in the frame, from its middle, 1 at the right edge.
+        angles: (M,) of the same on the panorama [rad, counter-clockwise].
     """
-    costs = np.array([sum(_cost(columns, angles, field) for columns, angles in frames) for field in FIELDS_DEG])
+
+    way: WayRound
+    support: int
+    columns: Floats
+    angles: Floats
+
+
+def placed_on(topo_map: TopoMap, looks: Sequence[Look], track: Track) -> list[Placed]:
+    """The frames that were found on one of the map's panoramas."""
+    if not any(node.has_panorama for node in topo_map.nodes):
+        return []
+    panoramas = _Panoramas(topo_map)
+    found = [panoramas.place(looks[i]) for i in track(range(len(looks)), "holding frames against panoramas")]
+    return [one for one in found if one is not None]
+
+
+def fitted_field(frames: Sequence[Placed]) -> float:
+    """The horizontal field of view [degrees] that fits best where frames lie the same way round as the panoramas."""
+    same = [one for one in frames if one.way == "same"]
+    costs = np.array([sum(_cost(one.columns, one.angles, field) for one in same) for field in FIELDS_DEG])
     return float(FIELDS_DEG[costs.argmin()])
 
 
@@ -89,16 +106,6 @@ def _cost(columns: Floats, angles: Floats, field_deg: float) -> float:
     return float(np.minimum((apart / np.deg2rad(INLIER_DEG)) ** 2, 1.0).mean(axis=1).min())
 
 
-@dataclass(frozen=True)
-class _Placed:
-    """A frame found on a panorama: which way round, and keypoints that both show: as ``fitted_field`` takes them."""
-
-    way: WayRound
-    support: int
-    columns: Floats
-    angles: Floats
-
-
 class _Panoramas:
     """The keypoints of a map's panoramas, looked for once."""
 
@@ -107,7 +114,7 @@ class _Panoramas:
         self._having = np.array([number for number, node in enumerate(topo_map.nodes) if node.has_panorama])
         self._known: dict[int, tuple[Keypoints, int]] = {}
 
-    def place(self, look: Look) -> _Placed | None:
+    def place(self, look: Look) -> Placed | None:
         """The panorama that shows most of what a frame shows; None where none does."""
         picture = reduced(look.picture)
         straight, flipped = Keypoints.of(picture), Keypoints.of(mirrored(picture))
@@ -120,7 +127,7 @@ class _Panoramas:
         distances = np.linalg.norm(self._map.positions[self._having] - look.position, axis=1)
         return [int(number) for number in self._having[np.argsort(distances)[:NODES_TRIED]]]
 
-    def _on(self, number: int, straight: Keypoints, flipped: Keypoints, width: int) -> _Placed | None:
+    def _on(self, number: int, straight: Keypoints, flipped: Keypoints, width: int) -> Placed | None:
         circle, columns = self._keypoints(number)
         way, support = way_round(circle, straight, flipped)
         if way is None:
@@ -131,7 +138,7 @@ class _Panoramas:
             return None
         across = straight.places[pairs.second[right], 0] / (0.5 * (width - 1)) - 1.0
         angles = -2.0 * np.pi * circle.places[pairs.first[right], 0] / columns
-        return _Placed(way, support, across, angles)
+        return Placed(way, support, across, angles)
 
     def _keypoints(self, number: int) -> tuple[Keypoints, int]:
         if number not in self._known:

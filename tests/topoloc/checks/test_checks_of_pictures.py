@@ -13,7 +13,7 @@ import pytest
 from topoloc import plugins
 from topoloc.checks import Finding, check_map, check_pair
 from topoloc.checks.alike import alike_findings
-from topoloc.checks.field_of_view import Look, fitted_field, frame_findings
+from topoloc.checks.field_of_view import Look, Placed, fitted_field, frame_findings
 from topoloc.checks.panoramas import panorama_findings, seam, way_round_findings
 from topoloc.checks.turn_sense import sense_findings
 from topoloc.going_through import in_silence
@@ -169,7 +169,7 @@ def test_field_of_view_is_found_by_matching(drive: Drive) -> None:
 def test_field_of_view_of_exact_points() -> None:
     columns = np.linspace(-0.9, 0.9, 30)
     angles = 0.4 - np.arctan(columns * np.tan(np.deg2rad(35.0)))
-    assert fitted_field([(columns, angles)]) == 70.0
+    assert fitted_field([Placed("same", len(columns), columns, angles)]) == 70.0
 
 
 @pytest.mark.slow
