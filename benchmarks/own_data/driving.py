@@ -29,9 +29,9 @@ def drive_of(world: World, seed: int, folder: Path) -> Recording:
     return _recorded(zip(*world.film(seed), strict=True), world.camera, folder)
 
 
-def scan_of(world: World, seed: int, folder: Path) -> Recording:
+def scan_of(world: World, seed: int, folder: Path, turn_step: float = TURN_STEP) -> Recording:
     """A drive that passes the nodes of the tour exactly, and turns on each, written to a folder and read back."""
-    poses = scan_poses(world.positions[list(world.tour)])
+    poses = scan_poses(world.positions[list(world.tour)], turn_step)
     return _recorded(_driven(SimulatedRobot(world, seed, poses[0]), poses), world.camera, folder)
 
 
@@ -47,8 +47,8 @@ def true_poses(recording: Recording) -> Floats:
     return np.array([recording.truth.at(picture.time) for picture in recording.pictures[recording.kind]])
 
 
-def scan_poses(places: Floats) -> Floats:
-    """Poses (N, 3) round a tour of places (K, 2) and back to the first.
+def scan_poses(places: Floats, turn_step: float = TURN_STEP) -> Floats:
+    """Poses (N, 3) round a tour of places (K, 2) and back to the first, ``turn_step`` [rad] apart in turns.
 
     On each place the robot turns full circle, clockwise; then it turns to the next one, the shorter way round, and
     drives there in ``STEPS_BETWEEN`` steps.
@@ -57,8 +57,8 @@ def scan_poses(places: Floats) -> Floats:
     for start, end in zip(places, np.roll(places, -1, axis=0), strict=True):
         ahead = float(np.arctan2(*(end - start)[::-1]))
         corner = float(wrap(ahead - heading))
-        circle = heading - TURN_STEP * np.arange(1, round(2.0 * np.pi / TURN_STEP) + 1)
-        turned = heading + corner * np.linspace(0.0, 1.0, int(np.ceil(abs(corner) / TURN_STEP - 1e-9)) + 1)[1:]
+        circle = heading - turn_step * np.arange(1, round(2.0 * np.pi / turn_step) + 1)
+        turned = heading + corner * np.linspace(0.0, 1.0, int(np.ceil(abs(corner) / turn_step - 1e-9)) + 1)[1:]
         poses += [np.array([*start, wrap(angle)]) for angle in (*circle, *turned)]
         poses += [
             np.array([*(start + share * (end - start)), ahead]) for share in np.linspace(0, 1, STEPS_BETWEEN + 1)[1:]
