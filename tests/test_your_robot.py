@@ -47,7 +47,7 @@ def sent(make: Messages, recording: Recording) -> Iterator[Sent]:
     for frame in recording:
         time = 100.0 + frame.timestamp
         pose, truth = recording.odometry.at(frame.timestamp), recording.truth.at(frame.timestamp)
-        info = make.camera_info(time, (camera.width, camera.height), focal, np.zeros(5))
+        info = make.camera_info(time, (camera.width, camera.height), focal, [0.0] * 5)
         yield Sent(time, "/odom", "nav_msgs/Odometry", make.odometry(time, pose))
         yield Sent(time, "/mocap", "geometry_msgs/PoseStamped", make.pose_stamped(time, truth))
         yield Sent(time, "/camera/camera_info", "sensor_msgs/CameraInfo", info)

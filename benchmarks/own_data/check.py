@@ -23,9 +23,9 @@ def measure(seed: int, kind: type[World] = LabWorld) -> Iterator[Figures]:
     """One share after the other, of the frames of one lap."""
     made = kind(WorldSettings(laps=1.0)).simulate(seed)
     told = made.topo_map.camera.hfov_deg
-    looks = [Look(frame.images["rgb"], pose[:2]) for frame, pose in zip(made.frames, made.truth, strict=True)]
+    looks = [Look(frame.images["rgb"], pose) for frame, pose in zip(made.frames, made.truth, strict=True)]
     for share in SHARES:
-        seen = [Look(enlarged(one.picture, share), one.position) for one in looks]
+        seen = [Look(enlarged(one.picture, share), one.pose) for one in looks]
         placed = placed_on(made.topo_map, seen, in_silence)
         best = fitted_field(placed) if placed else told
         yield {"fits best": best, "told of": float(len(placed) >= LEAST_FRAMES and abs(best / told - 1.0) > OFF_SHARE)}

@@ -9,7 +9,7 @@ import numpy as np
 
 from topoloc import plugins
 from topoloc.checks.distances import distance, median_spacing
-from topoloc.checks.finding import Finding
+from topoloc.checks.finding import Finding, Severity
 from topoloc.checks.panoramas import MOST_NODES
 from topoloc.geometry import Floats
 from topoloc.going_through import Track
@@ -20,6 +20,10 @@ DIRECTIONS = 12
 """A frame is cut from a panorama at so many headings."""
 ALIKE = 0.8
 """Match of IMA above which a frame of one node would be taken for another's; unlike nodes hardly reach .6."""
+CONFUSED = 0.9
+"""And above which it could as well be the other's: a frame's own node has nearly 1."""
+SAME = 0.97
+"""And above which it is the same picture, near or not."""
 NEAR_M, NEAR_SPACINGS = 1.0, 2.0
 """Nodes so near to each other, in metres or in median spacings, may look alike: one for the other is hardly off."""
 MOST_PAIRS = 10
@@ -27,7 +31,9 @@ MOST_PAIRS = 10
 
 
 def alike_findings(topo_map: TopoMap, where: str, track: Track) -> Iterator[Finding]:
-    """Pairs of nodes that no edge joins and that look alike in one direction or more, the most alike first.
+    """Pairs of nodes that are not near and look alike in one direction or more, or near and the same picture.
+
+    The most alike come first.
 
     Args:
         topo_map: with panoramas; nothing is found in one without.
@@ -47,7 +53,7 @@ def alike_findings(topo_map: TopoMap, where: str, track: Track) -> Iterator[Find
             evidence = ima.observe(frame)
             for row in evidence.best_per_node():
                 other = int(evidence.nodes[row])
-                if evidence.match[row] >= ALIKE and not _near(shown, number, other):
+                if evidence.match[row] >= _told_from(shown, number, other):
                     found.setdefault((number, other), []).append((float(np.rad2deg(axis)), float(evidence.match[row])))
     yield from _told(shown, where, found)
 
@@ -76,17 +82,20 @@ def _frames(topo_map: TopoMap, number: int) -> Iterator[tuple[float, Frame]]:
         yield float(axis), Frame(0.0, None, np.zeros(3), {"rgb": cut})
 
 
-def _near(topo_map: TopoMap, a: int, b: int) -> bool:
-    """Whether taking one node for the other does little harm: they are the same, neighbours, or close by."""
+def _told_from(topo_map: TopoMap, a: int, b: int) -> float:
+    """The match from which on two nodes are told: where they are near, taking one for the other does little harm."""
+    if a == b:
+        return np.inf
     close = max(NEAR_M, NEAR_SPACINGS * median_spacing(topo_map))
-    return a == b or topo_map.adjacent(a, b) or distance(topo_map, a, b) <= close
+    near = topo_map.adjacent(a, b) or distance(topo_map, a, b) <= close
+    return SAME if near else ALIKE
 
 
 def _told(topo_map: TopoMap, where: str, found: dict[tuple[int, int], list[tuple[float, float]]]) -> Iterator[Finding]:
     """A finding for each pair, whichever of the two the frames were cut at; the most alike first."""
     strength = {pair: sum(match for _, match in seen) for pair, seen in found.items()}
     pairs = sorted({(min(pair), max(pair)) for pair in found}, key=lambda p: -_both(strength, p))
-    remedy = "let a filter over time decide (--estimator particle), or add what tells them apart, such as a poster"
+    remedy = "let a filter over time decide (--estimator particle), or add what tells them apart; or one was copied"
     for a, b in pairs[:MOST_PAIRS]:
         one = (a, b) if (a, b) in found else (b, a)
         seen = found[one]
@@ -97,9 +106,17 @@ def _told(topo_map: TopoMap, where: str, found: dict[tuple[int, int], list[tuple
             f"nodes {first} and {second} look alike: {len(seen)} of {DIRECTIONS} frames at {first} match {second} "
             f"(towards {directions} degrees), at best {best:.2f}"
         )
-        yield Finding(where, what, remedy, "warning" if len(seen) >= DIRECTIONS / 3 else "note")
+        yield Finding(where, what, remedy, _severity(seen))
     if len(pairs) > MOST_PAIRS:
         yield Finding(where, f"{len(pairs) - MOST_PAIRS} more pairs of nodes look alike", remedy, "note")
+
+
+def _severity(seen: list[tuple[float, float]]) -> Severity:
+    """By how many of the directions (axis, match) of one node could as well be the other's."""
+    same, confused = (sum(match >= level for _, match in seen) for level in (SAME, CONFUSED))
+    if same >= DIRECTIONS / 2:
+        return "serious"
+    return "warning" if confused >= DIRECTIONS / 3 else "note"
 
 
 def _both(strength: dict[tuple[int, int], float], pair: tuple[int, int]) -> float:

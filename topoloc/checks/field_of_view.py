@@ -13,7 +13,7 @@ import numpy as np
 
 from topoloc.checks.finding import Finding
 from topoloc.checks.panoramas import REMEDIES, reduced
-from topoloc.geometry import Floats
+from topoloc.geometry import Floats, circular_mean
 from topoloc.going_through import Track
 from topoloc.keypoints import LEAST_SUPPORT, Keypoints, WayRound, mirrored, pairs_of, way_round
 from topoloc.topo_map import TopoMap
@@ -28,28 +28,26 @@ OFF_SHARE, FAR_OFF_SHARE = 0.15, 0.3
 LEAST_FRAMES = 4
 """Fewer frames that were found tell nothing."""
 NODES_TRIED = 4
-"""A frame whose place is known is held against so many nodes around it, another against ``NODES_BLIND`` of the map."""
+"""A frame is held against so many nodes around it, where its place is known, and ``NODES_BLIND`` of the whole map."""
 NODES_BLIND = 20
 
 
 @dataclass(frozen=True)
 class Look:
-    """A frame, and where it was taken (2,) [m], if that is known."""
+    """A frame, and the pose (3,) of the camera that took it, if that is known."""
 
     picture: Image
-    position: Floats | None
+    pose: Floats | None
 
 
-def frame_findings(topo_map: TopoMap, looks: Sequence[Look], where: str, track: Track) -> Iterator[Finding]:
-    """What does not fit between frames and the map's panoramas.
+def frame_findings(topo_map: TopoMap, placed: Sequence[Placed], where: str) -> Iterator[Finding]:
+    """What does not fit between a camera and the map's panoramas: the way round, the field of view.
 
     Args:
-        topo_map: the map; a map without panoramas gives no findings.
-        looks: some frames of its camera.
+        topo_map: the map.
+        placed: frames of the camera that were found on panoramas.
         where: their file.
-        track: goes through the frames.
     """
-    placed = placed_on(topo_map, looks, track)
     if len(placed) < LEAST_FRAMES:
         return
     ways = [one.way for one in placed]
@@ -71,16 +69,26 @@ class Placed:
     """A frame found on a panorama.
 
     Attributes:
+        look: the frame.
+        node: index of the panorama's node.
         way: how it lies on it.
         support: keypoints that speak for that.
         columns: (M,) of keypoints that both show, in the frame, from its middle, 1 at the right edge.
         angles: (M,) of the same on the panorama [rad, counter-clockwise].
     """
 
+    look: Look
+    node: int
     way: WayRound
     support: int
     columns: Floats
     angles: Floats
+
+    def heading(self, topo_map: TopoMap) -> float:
+        """Of the optical axis, by what the panorama shows [rad]."""
+        half_field = np.deg2rad(topo_map.camera.hfov_deg / 2.0)
+        axes = topo_map.nodes[self.node].heading + self.angles + np.arctan(self.columns * np.tan(half_field))
+        return circular_mean(axes)
 
 
 def placed_on(topo_map: TopoMap, looks: Sequence[Look], track: Track) -> list[Placed]:
@@ -118,16 +126,18 @@ class _Panoramas:
         """The panorama that shows most of what a frame shows; None where none does."""
         picture = reduced(look.picture)
         straight, flipped = Keypoints.of(picture), Keypoints.of(mirrored(picture))
-        found = [self._on(number, straight, flipped, picture.shape[1]) for number in self._near(look)]
+        found = [self._on(look, number, straight, flipped) for number in self._near(look)]
         return max((one for one in found if one is not None), key=lambda one: one.support, default=None)
 
     def _near(self, look: Look) -> list[int]:
-        if look.position is None:
-            return [int(number) for number in self._having[:: -(-len(self._having) // NODES_BLIND)]]
-        distances = np.linalg.norm(self._map.positions[self._having] - look.position, axis=1)
-        return [int(number) for number in self._having[np.argsort(distances)[:NODES_TRIED]]]
+        evenly = self._having[:: -(-len(self._having) // NODES_BLIND)]
+        if look.pose is None:
+            return [int(number) for number in evenly]
+        distances = np.linalg.norm(self._map.positions[self._having] - look.pose[:2], axis=1)
+        around = self._having[np.argsort(distances)[:NODES_TRIED]]
+        return [int(number) for number in np.union1d(around, evenly)]
 
-    def _on(self, number: int, straight: Keypoints, flipped: Keypoints, width: int) -> Placed | None:
+    def _on(self, look: Look, number: int, straight: Keypoints, flipped: Keypoints) -> Placed | None:
         circle, columns = self._keypoints(number)
         way, support = way_round(circle, straight, flipped)
         if way is None:
@@ -136,9 +146,10 @@ class _Panoramas:
         right = pairs.near(0.0)
         if way == "same" and right.sum() < LEAST_SUPPORT:
             return None
+        width = reduced(look.picture).shape[1]
         across = straight.places[pairs.second[right], 0] / (0.5 * (width - 1)) - 1.0
         angles = -2.0 * np.pi * circle.places[pairs.first[right], 0] / columns
-        return Placed(way, support, across, angles)
+        return Placed(look, number, way, support, across, angles)
 
     def _keypoints(self, number: int) -> tuple[Keypoints, int]:
         if number not in self._known:

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from topoloc.checks.alike import alike_findings
-from topoloc.checks.field_of_view import Look, frame_findings
+from topoloc.checks.field_of_view import Look, frame_findings, placed_on
 from topoloc.checks.finding import Finding, Report, listed
 from topoloc.checks.panoramas import panorama_findings, way_round_findings
+from topoloc.checks.poses_of_frames import pose_findings
 from topoloc.going_through import Track, in_silence
 from topoloc.pictures import PictureFile, held_in
 from topoloc.topo_map import TopoMap
@@ -66,7 +67,9 @@ def _view_findings(topo_map: TopoMap, where: str, track: Track) -> Iterator[Find
     """Views held against the panoramas around them."""
     chosen = np.unique(np.linspace(0, len(topo_map.views) - 1, MOST_VIEWS).round().astype(int))
     views = [topo_map.views[i] for i in chosen] if topo_map.views else []
-    yield from frame_findings(topo_map, [Look(view.image, view.pose[:2]) for view in views], where, track)
+    placed = placed_on(topo_map, [Look(view.image, view.pose) for view in views], track)
+    yield from frame_findings(topo_map, placed, where)
+    yield from pose_findings(topo_map, [one for one in placed if one.way == "same"], where)
 
 
 def _decode_views(topo_map: TopoMap) -> None:

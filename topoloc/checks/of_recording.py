@@ -22,6 +22,8 @@ JUMP_M_PER_S = 5.0
 """A robot that one odometer reading makes this fast has jumped [m/s]."""
 JUMP_DEG_PER_S = 720.0
 """Or turning this fast [degrees/s]."""
+LEAST_STEP_S = 0.1
+"""Speeds are told over this time at least: stamps may come in bursts [s]."""
 FEW_FRAMES = 20
 """Fewer frames do not show whether a localizer settles."""
 FAR_STEP_M = 1.0
@@ -170,11 +172,16 @@ def _holes(poses: Poses, where: str, times: Floats) -> Iterator[Finding]:
 
 
 def _jumps(poses: Poses, where: str) -> Iterator[Finding]:
-    moved, steps = between(poses.poses[:-1], poses.poses[1:]), np.diff(poses.times)
+    """Readings that no robot gives, in one finding; stamps that come in bursts are no jumps."""
+    moved = between(poses.poses[:-1], poses.poses[1:])
+    steps = np.maximum(np.diff(poses.times), LEAST_STEP_S)
     speed, spin = np.hypot(moved[:, 0], moved[:, 1]) / steps, np.abs(np.rad2deg(moved[:, 2])) / steps
-    for i in np.flatnonzero((speed > JUMP_M_PER_S) | (spin > JUMP_DEG_PER_S)):
-        how = f"moves {speed[i]:.1f} m/s" if speed[i] > JUMP_M_PER_S else f"turns {spin[i]:.0f} degrees/s"
-        what = f"at {poses.times[i + 1]:.3f} s the odometer {how}"
+    jumps = np.flatnonzero((speed > JUMP_M_PER_S) | (spin > JUMP_DEG_PER_S))
+    if len(jumps):
+        first = jumps[0]
+        how = f"moves {speed[first]:.1f} m/s" if speed[first] > JUMP_M_PER_S else f"turns {spin[first]:.0f} degrees/s"
+        what = f"at {poses.times[first + 1]:.3f} s the odometer {how}"
+        what += f", and jumps {len(jumps) - 1} more times" if len(jumps) > 1 else ""
         yield Finding(where, what, "look for lost readings, or millimetres instead of metres", "serious")
 
 

@@ -7,10 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from topoloc.checks.distances import median_spacing
-from topoloc.checks.field_of_view import Look, frame_findings
+from topoloc.checks.field_of_view import Look, frame_findings, placed_on
 from topoloc.checks.finding import Finding, Report
 from topoloc.checks.of_recording import frames_apart
+from topoloc.checks.poses_of_frames import pose_findings
 from topoloc.errors import InputError
+from topoloc.geometry import compose
 from topoloc.going_through import Track, in_silence
 from topoloc.recording import Recording
 from topoloc.topo_map import TopoMap
@@ -37,16 +39,20 @@ def check_pair(topo_map: TopoMap, recording: Recording, track: Track = in_silenc
     where = str(recording.folder / f"{recording.kind}.txt")
     found = [*_off_the_map(topo_map, recording)]
     if recording.kind == "rgb":
-        found += frame_findings(topo_map, looks, where, track)
+        placed = placed_on(topo_map, looks, track)
+        found += frame_findings(topo_map, placed, where)
+        upright = [one for one in placed if one.way == "same"]
+        found += pose_findings(topo_map, upright, str(recording.folder / "groundtruth.txt"))
     return Report(summary, tuple(found))
 
 
 def _looks(topo_map: TopoMap, recording: Recording) -> list[Look]:
-    """Some frames, with their places where the truth is known."""
+    """Some frames, with the poses of the camera where the truth is known."""
     looks = []
     for picture in frames_apart(recording, MOST_FRAMES):
-        place = None if recording.truth is None else recording.truth.at(picture.time)[:2]
-        looks.append(Look(np.asarray(recording.frame(picture).images[recording.kind]), place))
+        frame = recording.frame(picture)
+        pose = None if recording.truth is None else compose(recording.truth.at(picture.time), frame.camera)
+        looks.append(Look(np.asarray(frame.images[recording.kind]), pose))
     return looks
 
 

@@ -12,7 +12,7 @@ from topoloc.checks.finding import Finding, Severity, listed
 from topoloc.checks.lightness import flaw_of
 from topoloc.geometry import Floats
 from topoloc.going_through import Track
-from topoloc.keypoints import Keypoints, WayRound, mirrored, way_round
+from topoloc.keypoints import Keypoints, mirrored, pairs_of, way_round
 from topoloc.topo_map import TopoMap
 from topoloc.types import Image
 
@@ -22,6 +22,12 @@ SEAM_RANK = 0.005
 """And more than this share of all steps from column to column are as large."""
 LEAST_STEP = 1.0
 """Usual steps are taken for at least this [grey levels], in panoramas that are smooth."""
+REPEATED, LEAST_TURN_DEG = 0.85, 30
+"""A circle that is so like itself, turned by so much or more, shows the same twice [correlation; degrees]."""
+TURNED_DEG = 25.0
+"""Things that two panoramas show lie in the same direction to so much, but for those near by [degrees]."""
+TURNED_TOGETHER = 0.7
+"""Resultant length of the differences in direction above which they are one turn, and not parallax."""
 MOST_NODES = 60
 """So many nodes are held against their neighbours; on larger maps every so-manieth."""
 KEYPOINT_ROWS = 200
@@ -67,35 +73,66 @@ def panorama_findings(topo_map: TopoMap, where: str, track: Track) -> Iterator[F
                 what = f"{name} does not close: its last column differs from its first {step:.0f} times the usual step"
                 remedy = "look whether the turn was a full circle and hfov_deg is right; 'topoloc panorama' closes it"
                 yield Finding(where, what, remedy, "warning")
+            likeness, turn = repetition(panorama)
+            if likeness > REPEATED:
+                what = f"{name} shows the same again {turn:.0f} degrees on (correlation {likeness:.2f})"
+                yield Finding(where, what, "look whether its snapshots were taken twice, and make it again", "serious")
+
+
+def repetition(panorama: Image) -> tuple[float, float]:
+    """How far a circle repeats itself: the largest correlation with itself, turned, and the turn [degrees]."""
+    import cv2
+
+    grey = grey_levels(np.asarray(cv2.resize(panorama, (360, 32), interpolation=cv2.INTER_AREA)))
+    spectrum = np.fft.rfft(grey - grey.mean(), axis=1)
+    correlation = np.fft.irfft((np.abs(spectrum) ** 2).sum(axis=0), 360)
+    turned = correlation[LEAST_TURN_DEG:181] / max(float(correlation[0]), 1e-9)
+    best = int(turned.argmax())
+    return float(turned[best]), float(LEAST_TURN_DEG + best)
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """Keypoints of a panorama, as it is and flipped left to right."""
+    """Keypoints of a panorama, as it is and flipped left to right, and how many columns it has."""
 
     straight: Keypoints
     flipped: Keypoints
+    columns: int
 
 
 def way_round_findings(topo_map: TopoMap, where: str, track: Track) -> Iterator[Finding]:
     """Panoramas that lie otherwise than those of the nodes beside them: mirrored, upside down."""
     seen: dict[int, _Seen] = {}
-    votes: dict[int, list[tuple[int, WayRound]]] = {}
+    votes: dict[int, list[tuple[int, str]]] = {}
     for a, b in _pairs_to_compare(topo_map, track):
         for number in (a, b):
             if number not in seen:
                 seen[number] = _keypoints(topo_map.nodes[number].panorama)
         way, _ = way_round(seen[a].straight, seen[b].straight, seen[b].flipped)
         if way is not None:
-            votes.setdefault(a, []).append((b, way))
-            votes.setdefault(b, []).append((a, way))
+            turn = _turn(topo_map, (a, b), (seen[a], seen[b])) if way == "same" else 0.0
+            votes.setdefault(a, []).append((b, f"turned by {-turn:.0f} degrees" if turn else way))
+            votes.setdefault(b, []).append((a, f"turned by {turn:.0f} degrees" if turn else way))
     yield from _outvoted(topo_map, where, votes)
 
 
 def _keypoints(panorama: Image | None) -> _Seen:
     assert panorama is not None  # or it would not be compared
     small = reduced(panorama)
-    return _Seen(Keypoints.of(small), Keypoints.of(mirrored(small)))
+    return _Seen(Keypoints.of(small), Keypoints.of(mirrored(small)), small.shape[1])
+
+
+def _turn(topo_map: TopoMap, nodes: tuple[int, int], seen: tuple[_Seen, _Seen]) -> float:
+    """How far the second panorama is turned to the first, beyond its heading [degrees, counter-clockwise]; mostly 0."""
+    pairs = pairs_of(seen[0].straight, seen[1].straight)
+    upright = pairs.near(0.0)
+    directions = [
+        topo_map.nodes[node].heading - 2.0 * np.pi * one.straight.places[found[upright], 0] / one.columns
+        for node, one, found in zip(nodes, seen, (pairs.first, pairs.second), strict=True)
+    ]
+    together = np.exp(1j * (directions[1] - directions[0])).mean()
+    turn = float(np.rad2deg(np.angle(together)))
+    return turn if abs(together) > TURNED_TOGETHER and abs(turn) > TURNED_DEG else 0.0
 
 
 def reduced(picture: Image) -> Image:
@@ -127,7 +164,7 @@ def _pairs_to_compare(topo_map: TopoMap, track: Track) -> Iterator[tuple[int, in
                 yield pair
 
 
-def _outvoted(topo_map: TopoMap, where: str, votes: dict[int, list[tuple[int, WayRound]]]) -> Iterator[Finding]:
+def _outvoted(topo_map: TopoMap, where: str, votes: dict[int, list[tuple[int, str]]]) -> Iterator[Finding]:
     """The nodes that most neighbours disagree with, the most disputed first; each is then left out of the count."""
     left = {number: list(said) for number, said in votes.items()}
     while True:
@@ -143,10 +180,12 @@ def _outvoted(topo_map: TopoMap, where: str, votes: dict[int, list[tuple[int, Wa
         what = f"the panorama of node {topo_map.nodes[worst].id} is {way}, seen from {listed(against)}"
         if len(said) == 1:
             what += ", or the other way about"
-        yield Finding(where, what, f"turn the picture back, or take it again: {REMEDIES[way]}", "serious")
+        yield Finding(where, what, f"turn the picture back, or take it again: {REMEDIES.get(way, OTHER)}", "serious")
 
 
-REMEDIES: dict[WayRound, str] = {
+OTHER = "its heading in nodes.csv is that of the left edge of its first column; or it is another node's picture"
+"""What to look at where a panorama is turned about the vertical."""
+REMEDIES: dict[str, str] = {
     "same": "",
     "mirrored": "columns of a panorama run clockwise, and a front camera of a phone or a mirror flips left and right",
     "rotated by 180 degrees": "the camera was mounted upside down",

@@ -116,6 +116,20 @@ def test_jump_in_heading(tmp_path: Path) -> None:
     assert found.severity == "serious"
 
 
+def test_stamps_in_bursts_are_no_jumps(tmp_path: Path) -> None:
+    """50 readings a second, every tenth stamped nearly a step late."""
+    dense = np.linspace(10.0, 25.0, 751)
+    path = np.column_stack([0.4 * (dense - 10.0), np.zeros((len(dense), 2))])
+    late = dense + np.where(np.arange(len(dense)) % 10 == 5, 0.0195, 0.0)
+    assert not make(tmp_path, odometry=(late, path), truth=None)
+
+
+def test_jumps_are_one_finding(tmp_path: Path) -> None:
+    thrown = PATH.copy()
+    thrown[5::2, 1] = 9.0
+    assert "jumps 24 more times" in one(make(tmp_path, odometry=(TIMES, thrown), truth=None), "moves 18").what
+
+
 def test_odometer_of_another_scale(tmp_path: Path) -> None:
     assert "is 17.4 m long, the true one 5.8 m" in one(make(tmp_path, odometry=(TIMES, PATH * 3.0)), "path is").what
 

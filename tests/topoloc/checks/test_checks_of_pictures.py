@@ -13,9 +13,11 @@ import pytest
 from topoloc import plugins
 from topoloc.checks import Finding, check_map, check_pair
 from topoloc.checks.alike import alike_findings
-from topoloc.checks.field_of_view import Look, Placed, fitted_field, frame_findings
+from topoloc.checks.field_of_view import Look, Placed, fitted_field, frame_findings, placed_on
 from topoloc.checks.panoramas import panorama_findings, seam, way_round_findings
+from topoloc.checks.poses_of_frames import pose_findings
 from topoloc.checks.turn_sense import sense_findings
+from topoloc.geometry import compose
 from topoloc.going_through import in_silence
 from topoloc.recording import Recording
 from topoloc.recording_folder import RecordingWriter
@@ -23,6 +25,7 @@ from topoloc.topo_map import Camera, TopoMap, View
 from topoloc.types import Frame, Image
 
 SEED = 1000
+NOWHERE = Look(np.zeros((8, 8), dtype=np.uint8), None)
 Change = Callable[[Image], Image]
 
 
@@ -74,8 +77,14 @@ class Drive:
     truth: np.ndarray
 
     def looks(self, change: Change = as_it_is) -> list[Look]:
-        poses = self.truth[:, :2]
-        return [Look(change(f.images["rgb"]), at) for f, at in zip(self.frames, poses, strict=True)]
+        """A third of the frames."""
+        return [
+            Look(change(f.images["rgb"]), compose(pose, f.camera))
+            for f, pose in list(zip(self.frames, self.truth, strict=True))[::3]
+        ]
+
+    def placed(self, change: Change = as_it_is) -> list[Placed]:
+        return placed_on(self.topo_map, self.looks(change), in_silence)
 
     def with_panoramas(self, change: Change, *numbers: int) -> TopoMap:
         nodes = [
@@ -101,7 +110,7 @@ def test_nothing_is_wrong_with_the_laboratory(drive: Drive) -> None:
     assert not list(way_round_findings(drive.topo_map, "map", in_silence))
     assert not list(panorama_findings(drive.topo_map, "map", in_silence))
     assert not list(alike_findings(drive.topo_map, "map", in_silence))
-    assert not list(frame_findings(drive.topo_map, drive.looks()[::3], "rgb.txt", in_silence))
+    assert not list(frame_findings(drive.topo_map, drive.placed(), "rgb.txt"))
 
 
 @pytest.mark.parametrize(
@@ -122,7 +131,7 @@ class TestWayRound:
 
     @pytest.mark.slow
     def test_frames_lie_otherwise_than_the_panoramas(self, change: Change, told: str, drive: Drive) -> None:
-        (found,) = frame_findings(drive.topo_map, drive.looks(change)[::3], "rgb.txt", in_silence)
+        (found,) = frame_findings(drive.topo_map, drive.placed(change), "rgb.txt")
         assert f"are {told}" in found.what
 
 
@@ -152,6 +161,64 @@ def test_map_of_views_alone_is_looked_over(drive: Drive, tmp_path: Path) -> None
     assert not check_pair(replace(drive.topo_map, nodes=nodes), written(drive, tmp_path / "r", step=9)).findings
 
 
+Shift = Callable[[np.ndarray, int], np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def placed(drive: Drive) -> list[Placed]:
+    return placed_on(drive.topo_map, drive.looks()[:14], in_silence)
+
+
+@pytest.mark.parametrize(
+    ("shift", "told"),
+    [
+        (lambda pose, _: pose, None),
+        (lambda pose, _: pose + np.array([0.0, 0.0, np.pi / 2.0]), "headings are off by -"),
+        (lambda pose, _: pose * [1.0, 1.0, -1.0], "headings grow the other way"),
+        (lambda pose, i: pose + np.array([0.0, 0.0, 2.4 * i]), "headings have nothing to do"),
+        (
+            lambda pose, _: pose * np.array([-1.0, -1.0, 1.0]) + np.array([0.0, 2.0, 0.0]),
+            "frames are found on panoramas elsewhere",
+        ),
+    ],
+    ids=["right", "yaw", "clockwise", "shuffled", "elsewhere"],
+)
+def test_poses_beside_what_frames_show(shift: Shift, told: str | None, drive: Drive, placed: list[Placed]) -> None:
+    moved = [
+        replace(one, look=replace(one.look, pose=shift(one.look.pose.copy(), i)))
+        for i, one in enumerate(placed)
+        if one.look.pose is not None
+    ]
+    found = [finding.what for finding in pose_findings(drive.topo_map, moved, "groundtruth.txt")]
+    assert len(moved) >= 6
+    assert found == [] if told is None else any(told in what for what in found)
+
+
+def rolled(panorama: Image) -> Image:
+    return np.roll(panorama, panorama.shape[1] // 4, axis=1)
+
+
+def half_twice(panorama: Image) -> Image:
+    half = panorama[:, : panorama.shape[1] // 2]
+    return np.concatenate([half, half], axis=1)
+
+
+def test_panorama_that_is_turned_is_told(drive: Drive) -> None:
+    (found,) = way_round_findings(drive.with_panoramas(rolled, 2), "map", in_silence)
+    assert "panorama of node 3 is turned by -" in found.what and found.severity == "serious"
+
+
+def test_panorama_that_shows_the_same_twice_is_told(drive: Drive) -> None:
+    found = whats(list(panorama_findings(drive.with_panoramas(half_twice, 2), "map", in_silence)))
+    assert "the panorama of node 3 shows the same again 180 degrees on" in found
+
+
+def test_copied_panorama_is_told_though_the_nodes_are_near(drive: Drive) -> None:
+    copied = drive.topo_map.nodes[5].panorama
+    found = whats(list(alike_findings(drive.with_panoramas(lambda _: np.asarray(copied), 2), "map", in_silence)))
+    assert "nodes 3 and 6 look alike: 12 of 12" in found
+
+
 def test_seam_of_a_closed_circle_is_a_step_like_others(drive: Drive) -> None:
     for node in drive.topo_map.nodes:
         assert node.panorama is not None
@@ -161,7 +228,7 @@ def test_seam_of_a_closed_circle_is_a_step_like_others(drive: Drive) -> None:
 def test_field_of_view_is_found_by_matching(drive: Drive) -> None:
     """A camera that sees half as wide as it is told: tan is what scales."""
     true = 2.0 * np.rad2deg(np.arctan(0.6 * np.tan(np.deg2rad(20.0))))
-    (found,) = frame_findings(drive.topo_map, drive.looks(narrower(0.6))[::3], "rgb.txt", in_silence)
+    (found,) = frame_findings(drive.topo_map, drive.placed(narrower(0.6)), "rgb.txt")
     assert found.severity == "serious" and "is told as 40 degrees" in found.what
     assert float(found.what.split()[-1]) == pytest.approx(true, rel=0.15)
 
@@ -169,7 +236,7 @@ def test_field_of_view_is_found_by_matching(drive: Drive) -> None:
 def test_field_of_view_of_exact_points() -> None:
     columns = np.linspace(-0.9, 0.9, 30)
     angles = 0.4 - np.arctan(columns * np.tan(np.deg2rad(35.0)))
-    assert fitted_field([Placed("same", len(columns), columns, angles)]) == 70.0
+    assert fitted_field([Placed(NOWHERE, 0, "same", len(columns), columns, angles)]) == 70.0
 
 
 @pytest.mark.slow
