@@ -30,7 +30,7 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(v < (3, 11) and "topoloc needs Python 3.11 or newer, this is %d.%d; try: make PYTHON=python3.11 ..." % v)'
 	@echo "setting up $(VENV) (once; a minute or two)"
 	@$(PYTHON) -m venv $(VENV)
-	@$(PIP) install -c constraints.txt -e .
+	@$(PIP) install -c constraints.txt -e ".[ros,dds]"
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed

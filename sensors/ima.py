@@ -166,7 +166,7 @@ class IMA:
         lacking = [node.id for node in topo_map.nodes if not node.has_panorama]
         if lacking:
             names = ", ".join(lacking[:5]) + (f" and {len(lacking) - 5} more" if len(lacking) > 5 else "")
-            remedy = f"add one for {names}, or choose another sensor"
+            remedy = f"add one for {names}, or choose another one: --sensor local or pca, which use training views"
             raise UserError(f"map {topo_map.name!r}: ima needs a panorama at every node; {remedy}")
         self._camera, self._filtering = topo_map.camera, self.config.clahe and not topo_map.filtered
         self._positions = topo_map.positions

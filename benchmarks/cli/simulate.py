@@ -28,6 +28,7 @@ def simulate(
     Example: ``topoloc simulate lab -o lab --seed 3 --set laps=1 --set people=0.35``
     """
     from topoloc import plugins
+    from topoloc.cli.next_step import next_step
     from topoloc.cli.progress import track
     from topoloc.files import new_folder, refuse_to_overwrite
     from topoloc.recording import LazyImages
@@ -49,15 +50,15 @@ def simulate(
         writer.close()
     print(f"{output / 'map'}: {_contents(made.topo_map)} (simulated)")
     print(f"{output / 'recording'}: {len(made.frames)} frames with odometry and ground truth (simulated)")
-    named = f"{_sensor_for(made)} " if _sensor_for(made) else ""
-    print(f"next: topoloc localize {output / 'map'} {output / 'recording'} {named}-o {output / 'run'}")
+    parts = (output / "map", output / "recording")
+    print(next_step("localize", *parts, *_sensor_for(made), "-o", output / "run"))
 
 
-def _sensor_for(made: Simulation) -> str:
+def _sensor_for(made: Simulation) -> tuple[str, ...]:
     """The option that names a sensor, where the default one cannot use the map or the frames."""
     if "omni" in made.frames[0].images:
-        return "--sensor fourier"
-    return "" if made.topo_map.nodes[0].panorama is not None else "--sensor pca"
+        return "--sensor", "fourier"
+    return () if made.topo_map.nodes[0].panorama is not None else ("--sensor", "pca")
 
 
 def _contents(topo_map: TopoMap) -> str:

@@ -51,7 +51,8 @@ def check_recording(recording: Recording, track: Track = in_silence) -> Report:
     parts = [name for name in ("odometry", "truth", "pan") if getattr(recording, name) is not None]
     beside = f", with {', '.join(parts)}" if parts else ""
     summary = f"recording: {len(pictures)} frames in {times[-1] - times[0]:.1f} s{beside}"
-    found = [*_counts(recording, where), *_picture_findings(recording, where, track), *_gaps(pictures, where)]
+    found = [*_counts(recording, where), *_camera_told(recording)]
+    found += [*_picture_findings(recording, where, track), *_gaps(pictures, where)]
     if recording.odometry is None:
         what = "there is no odometry.txt"
         remedy = "record the odometer: without it each frame stands alone"
@@ -205,6 +206,14 @@ def _truth_findings(recording: Recording, truth: Poses, times: Floats) -> Iterat
 
 def _length(poses: Floats) -> float:
     return float(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum())
+
+
+def _camera_told(recording: Recording) -> Iterator[Finding]:
+    """Whether the field of view is known."""
+    if recording.camera is None and recording.kind == "rgb":
+        what = "nobody tells the field of view"
+        remedy = "write hfov_deg, width and height there; 'topoloc camera turn RECORDING --write' measures it"
+        yield Finding(str(recording.folder / "camera.toml"), what, remedy, "note")
 
 
 def _camera_findings(recording: Recording) -> Iterator[Finding]:

@@ -47,7 +47,20 @@ def check(
     else:
         raise InputError(recording or path, "is not the recording of a map", "name the map first, then its recording")
     _print(reports, json)
-    return 1 if any(report.at_least(fail_on) for report in reports) else 0
+    found = any(report.at_least(fail_on) for report in reports)
+    if not (found or json or recording):
+        print(_next(first, path))
+    return 1 if found else 0
+
+
+def _next(looked_at: TopoMap | Recording, path: Path) -> str:
+    """What to do with a map or a recording that nothing is wrong with."""
+    from topoloc.cli.next_step import next_step
+    from topoloc.topo_map import TopoMap
+
+    if isinstance(looked_at, TopoMap):
+        return next_step("localize", path, "RECORDING", "-o", "run")
+    return next_step("map", "build", path, "-o", "map")
 
 
 def _open(path: Path) -> TopoMap | Recording:

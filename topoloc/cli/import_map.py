@@ -27,6 +27,7 @@ def import_map(
     """
     import numpy as np
 
+    from topoloc.cli.next_step import next_step
     from topoloc.files import refuse_to_overwrite
     from topoloc.settings import build
     from topoloc.thesis_map import ThesisMapSettings, load_thesis_map
@@ -38,4 +39,4 @@ def import_map(
     camera = topo_map.camera
     print(f"{output}: {len(topo_map.nodes)} nodes with panoramas, {len(np.asarray(topo_map.edges))} edges")
     print(f"camera {camera.width}x{camera.height}, {camera.hfov_deg:g} degrees; reference {reference_deg:g} degrees")
-    print(f"next: topoloc check {output}")
+    print(next_step("check", output))

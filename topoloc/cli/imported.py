@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from topoloc.cli.next_step import next_step
 from topoloc.importing.recording_sink import Imported
 
 
@@ -14,4 +15,4 @@ def tell(output: Path, imported: Imported) -> None:
     print(f"odometry: {imported.odometry or 'no'} poses; ground truth: {imported.truth or 'no'} poses")
     for (what, why), count in imported.dropped.items():
         print(f"dropped: {count} x {what}: {why}")
-    print(f"next: topoloc check {output}")
+    print(next_step("check", output))

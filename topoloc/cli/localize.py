@@ -137,7 +137,7 @@ def _refuse_blindness(drive: Recording, name: str, eye: Sensor) -> None:
     missing = eye.needs - frozenset(drive.pictures)
     if missing:
         lists = ", ".join(f"{kind}.txt" for kind in sorted(missing))
-        raise InputError(drive.folder, f"{name} needs {lists}", "record it, or choose another sensor")
+        raise InputError(drive.folder, f"{name} needs {lists}", "record it, or choose another --sensor")
 
 
 def _refuse_darkness(drive: Recording, steps: Sequence[Step]) -> None:

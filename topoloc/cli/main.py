@@ -39,7 +39,8 @@ def run(arguments: list[str]) -> int:
         result = build_app()(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         return result if isinstance(result, int) else 0
     except CycloptsError as error:
-        return _complain(f"{one_line(str(error))} See 'topoloc --help'.")
+        words = " ".join(["topoloc", *(error.command_chain or ())])
+        return _complain(f"{one_line(str(error))} See '{words} --help'.")
     except UserError as error:
         return _complain(one_line(str(error)))
     except OSError as error:

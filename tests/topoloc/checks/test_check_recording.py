@@ -36,6 +36,7 @@ def make(
     """The findings of a recording of a robot that drives straight on."""
     for i in range(len(times)):
         write_image(folder / f"{i}.png", picture(i))
+    (folder / "camera.toml").write_text("hfov_deg = 40\nwidth = 32\nheight = 24\n")
     (folder / "rgb.txt").write_text("".join(f"{time} {i}.png\n" for i, time in enumerate(times)))
     for name, track in (("odometry.txt", odometry), ("groundtruth.txt", truth)):
         if track is not None:
@@ -50,6 +51,13 @@ def test_nothing_is_found_where_nothing_is_wrong(tmp_path: Path) -> None:
 def one(findings: list[Finding], part: str) -> Finding:
     (found,) = (finding for finding in findings if part in finding.what)
     return found
+
+
+def test_field_of_view_that_nobody_tells(tmp_path: Path) -> None:
+    make(tmp_path)
+    (tmp_path / "camera.toml").unlink()
+    (found,) = check_recording(Recording.load(tmp_path)).findings
+    assert found.severity == "note" and "topoloc camera turn" in found.remedy
 
 
 def test_few_frames(tmp_path: Path) -> None:
