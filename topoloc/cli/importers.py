@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from inspect import getdoc
+
 from cyclopts import App
 
 from topoloc.cli.group import fill
@@ -11,7 +13,10 @@ IMPORTERS = "topoloc.importers"
 
 
 class ImportCommands(App):
-    """Bring others' formats into ours: bags, videos, pictures, text maps, public data sets."""
+    """Bring others' formats into ours: bags, videos, pictures, text maps, public data sets.
+
+    Example: ``topoloc import bag drive.bag -o drive``
+    """
 
 
-importers = fill(ImportCommands(help=ImportCommands.__doc__), IMPORTERS)
+importers = fill(ImportCommands(help=getdoc(ImportCommands)), IMPORTERS)

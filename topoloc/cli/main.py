@@ -14,6 +14,10 @@ from topoloc.cli.group import fill
 from topoloc.errors import UserError, one_line
 from topoloc.plugins import COMMANDS
 
+ABOUT = """Where a robot with one camera and wheel odometry is on a topological map.
+
+Every command tells its options and an example with --help. Example: ``topoloc simulate lab -o lab``
+"""
 EXIT_USER_ERROR, EXIT_DEFECT, EXIT_INTERRUPTED = 2, 70, 130
 
 
@@ -21,7 +25,7 @@ def build_app() -> App:
     """The command line with every command that is installed."""
     app = App(
         name="topoloc",
-        help="Where a robot with one camera and wheel odometry is on a topological map.",
+        help=ABOUT,
         version=__version__,
         suppress_keyboard_interrupt=False,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from inspect import getdoc
+
 from cyclopts import App
 
 from topoloc.cli.group import fill
@@ -11,7 +13,10 @@ MAP_COMMANDS = "topoloc.map_commands"
 
 
 class MapCommands(App):
-    """What can be done with maps: build one from a recording, show it, lay one out from images alone."""
+    """What can be done with maps: build one from a recording, show it, lay one out from images alone.
+
+    Example: ``topoloc map build drive -o map``
+    """
 
 
-maps = fill(MapCommands(help=MapCommands.__doc__), MAP_COMMANDS)
+maps = fill(MapCommands(help=getdoc(MapCommands)), MAP_COMMANDS)
