@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,18 @@ if TYPE_CHECKING:
 
 TRUTH, ESTIMATE, ODOMETRY, WRONG = "#000000", "#0072B2", "#999999", "#D55E00"
 """Colours that colour-blind readers tell apart (Okabe and Ito)."""
+
+START: dict[str, Any] = {
+    "linestyle": "",
+    "marker": "o",
+    "markersize": 15,
+    "markerfacecolor": "none",
+    "markeredgecolor": "#009E73",
+    "markeredgewidth": 1.6,
+    "label": "start",
+    "zorder": 8,
+}
+"""The ring where a path begins."""
 
 
 def dead_reckoning(odometry: Floats, start: Floats) -> Floats:
@@ -40,14 +52,17 @@ def draw_plan(
         truth: (N, 3), where known.
         odometry: (N, 3) dead reckoning in the map frame, where known.
         wrong: indices of estimates that named a wrong node.
-        title: above the plan.
+        title: above the plan; that no truth is known is told beside it.
     """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.4, 5.0), layout="constrained")
     axes = figure.add_subplot()
     draw_paths(axes, topo_map, estimates, truth, odometry, wrong)
-    axes.set_title(title)
+    known = [path for path in (odometry, truth, estimates) if path is not None]
+    axes.plot(*np.array([path[0, :2] for path in known]).T, **START)
+    axes.legend(fontsize=8, framealpha=0.8)
+    axes.set_title(title if truth is not None else ", ".join(filter(None, [title, "no ground truth"])))
     return figure
 
 

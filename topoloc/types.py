@@ -63,6 +63,8 @@ class WeightedPoses:
             raise ValueError("poses must be finite")
         if not np.isfinite(self.log_weights.max(initial=-np.inf)):
             raise ValueError("at least one log weight must be finite, and none may be NaN or +inf")
+        if not (np.isfinite(self.spread) & (self.spread >= 0.0)).all():
+            raise ValueError("a spread is a variance: it must be finite and not negative")
 
     @classmethod
     def uniform(cls, poses: ArrayLike, spread: ArrayLike = (0.0, 0.0, 0.0)) -> WeightedPoses:

@@ -14,6 +14,7 @@ from topoloc.geometry import Floats
 from topoloc.going_through import Track
 from topoloc.keypoints import LEAST_SUPPORT
 from topoloc.recording import Recording
+from topoloc.types import Ints
 
 SPOT_M_PER_RAD = 0.1
 """A robot turns on the spot where it comes no farther than this for each radian that it turns [m]."""
@@ -34,6 +35,10 @@ ALIKE = 0.2
 """Things move the same way that move alike to this, across and down [half-widths]."""
 CIRCLE_WITHIN = np.deg2rad(40.0)
 """Frames are looked for again that an odometer says to be a full circle apart, within this [rad]."""
+TOO_FAR = 1.0
+"""Frames in which things moved farther have less than half of the picture in common [half-widths]."""
+NEAR_ENOUGH = 0.5
+"""They have three quarters in common where things moved so far [half-widths]."""
 CIRCLES = 5
 """So many pairs of them are looked at."""
 HOW_TO = "turn the robot on the spot in a full circle, slowly, with something to see all around"
@@ -41,7 +46,7 @@ HOW_TO = "turn the robot on the spot in a full circle, slowly, with something to
 
 
 def spot_pairs(robot: Floats, heading: Floats) -> list[tuple[int, int]]:
-    """Pairs of frames between which the robot turned on the spot, by ``STEPS_DEG``; at most ``MOST_PAIRS``.
+    """Pairs of frames between which the robot turned on the spot, by ``STEPS_DEG``.
 
     Args:
         robot: (N, 3) odometer at the frames.
@@ -57,7 +62,12 @@ def spot_pairs(robot: Floats, heading: Floats) -> list[tuple[int, int]]:
         ahead = [int(np.argmax(turn >= step)) for step in steps if (turn >= step).any()]
         pairs += [(key, key + after) for after in dict.fromkeys(ahead) if here[after]]
         key += ahead[0] if ahead and here[ahead[0]] else 1
-    return pairs[:: -(-len(pairs) // MOST_PAIRS)] if pairs else []
+    return pairs
+
+
+def some_of(pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """At most ``MOST_PAIRS`` of some pairs, evenly picked."""
+    return list(pairs[:: max(1, -(-len(pairs) // MOST_PAIRS))])
 
 
 def turned_in(pairs: Sequence[tuple[int, int]], heading: Floats) -> float:
@@ -68,17 +78,21 @@ def turned_in(pairs: Sequence[tuple[int, int]], heading: Floats) -> float:
     return float(np.abs(np.diff(heading))[covered].sum())
 
 
-def odometer_scale(matcher: Matcher, heading: Floats, pairs: Sequence[tuple[int, int]], view: View) -> float | None:
+def spot_runs(pairs: Sequence[tuple[int, int]]) -> list[Ints]:
+    """Frames (F,) of each turn on the spot, one after the other; ``pairs`` must be all of ``spot_pairs``, not some."""
+    frames = np.unique(np.array(pairs))
+    return np.split(frames, np.flatnonzero(~_joined(frames, pairs)) + 1)
+
+
+def odometer_scale(matcher: Matcher, heading: Floats, runs: Sequence[Ints], view: View) -> float | None:
     """True turn over the odometer's, by pictures seen again after a full circle; None where none was.
 
     Args:
         matcher: of the recording.
         heading: (N,) of the camera by the odometer, unwrapped [rad].
-        pairs: between whose frames the robot turned on the spot.
+        runs: of frames, each a turn on the spot.
         view: of the camera, about.
     """
-    frames = np.unique(np.array(pairs))
-    runs = np.split(frames, np.flatnonzero(~_joined(frames, pairs)) + 1)
     scales = []
     for run in runs:
         for first in run[:: -(-len(run) // CIRCLES)]:
@@ -100,6 +114,21 @@ def _joined(frames: np.ndarray, pairs: Sequence[tuple[int, int]]) -> np.ndarray:
     return np.asarray([reaches[a:b].all() for a, b in pairwise(frames)], dtype=bool)
 
 
+def too_far_apart(matches: Sequence[Matches], heading: Floats) -> tuple[float, float] | None:
+    """How far frames of turns are apart, and how far they should be at most [degrees]; None: they are near enough.
+
+    Args:
+        matches: of pairs of frames in turns.
+        heading: (N,) of the camera by the odometer, unwrapped [rad].
+    """
+    next_to = [one for one in matches if one.second == one.first + 1 and _coherent(one) is not None]
+    if not next_to:
+        return None
+    step = float(np.rad2deg(np.median([abs(heading[one.second] - heading[one.first]) for one in next_to])))
+    shift = float(np.median([abs(np.median(_shifts(one)[:, 0])) for one in next_to]))
+    return (step, step * NEAR_ENOUGH / shift) if shift > TOO_FAR else None
+
+
 def turn_of(found: Matches, view: View) -> float:
     """How far a camera turned between two frames, by what they both show [rad, counter-clockwise]."""
     before, after = view.rays(found.before), view.rays(found.after)
@@ -115,19 +144,7 @@ def closed_circle(recording: Recording, matcher: Matcher, track: Track) -> list[
     """
     count = len(recording.pictures["rgb"])
     frames = np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(int)).tolist()
-    links: list[Matches] = []
-    closed: list[Matches] = []
-    out_of_sight = False
-    for link in _chain(matcher, frames, track):
-        if links and np.median(_shifts(link)[:, 0]) * np.median(_shifts(links[0])[:, 0]) < 0.0:
-            break  # it turns back, or something was taken for another thing
-        links.append(link)
-        back = _coherent(matcher.match(link.second, frames[0]))
-        out_of_sight |= back is None
-        if back is not None and out_of_sight and len(links) >= LEAST_LINKS:
-            if closed and _support(back) <= _support(closed[-1]):
-                break
-            closed = [*links, back]
+    links, closed = _followed(matcher, frames, None, track)
     if closed:
         return closed
     problem = f"no odometry, and no circle closes in {count} pictures"
@@ -135,6 +152,66 @@ def closed_circle(recording: Recording, matcher: Matcher, track: Track) -> list[
         seen = recording.pictures["rgb"][links[-1].second if links else 0].path.name
         problem = f"no odometry, and after {seen} too little is seen again to follow the turn"
     raise InputError(recording.folder / "rgb.txt", problem, f"{HOW_TO}, or add odometry.txt")
+
+
+def full_circles(matcher: Matcher, heading: Floats, runs: Sequence[Ints], track: Track) -> list[list[Matches]]:
+    """The turns that come round to where they began, each as ``closed_circle`` ties it.
+
+    The odometer says where to look for the beginning again, and no more. A turn that is lost on the way is left out.
+
+    Args:
+        matcher: of the recording.
+        heading: (N,) of the camera by the odometer, unwrapped [rad].
+        runs: of frames, each a turn on the spot.
+        track: goes through the frames of each.
+    """
+    whole = [run for run in runs if np.ptp(heading[run]) > 2.0 * np.pi - CIRCLE_WITHIN]
+    found = [_followed(matcher, _thinned(run, heading), heading, track)[1] for run in whole]
+    return [closed for closed in found if closed]
+
+
+def _thinned(run: Ints, heading: Floats) -> list[int]:
+    """Some of the frames of a turn, the smallest of ``STEPS_DEG`` or more apart."""
+    kept = [int(run[0])]
+    for number in run[1:].tolist():
+        if abs(heading[number] - heading[kept[-1]]) >= np.deg2rad(STEPS_DEG[0]):
+            kept.append(number)
+    return kept
+
+
+def _followed(
+    matcher: Matcher, frames: Sequence[int], heading: Floats | None, track: Track
+) -> tuple[list[Matches], list[Matches]]:
+    """The links along a turn as far as it was followed, and those of its circle, back to its beginning; none if open.
+
+    Args:
+        matcher: of the recording.
+        frames: of the turn.
+        heading: (N,) of the camera by the odometer, unwrapped [rad]: the circle closes only where it says so, about.
+        track: goes through the frames.
+    """
+    links: list[Matches] = []
+    closed: list[Matches] = []
+    out_of_sight = False
+    for link in _chain(matcher, frames, track):
+        if links and np.median(_shifts(link)[:, 0]) * np.median(_shifts(links[0])[:, 0]) < 0.0:
+            break  # it turns back, or something was taken for another thing
+        links.append(link)
+        near = heading is None or _round(heading[link.second] - heading[frames[0]])
+        back = _coherent(matcher.match(link.second, frames[0])) if near else None
+        out_of_sight |= back is None
+        if back is not None and out_of_sight and len(links) >= LEAST_LINKS:
+            if closed and _support(back) <= _support(closed[-1]):
+                break
+            closed = [*links, back]
+        elif closed:
+            break
+    return links, closed
+
+
+def _round(turn: float) -> bool:
+    """Whether an odometer says that a turn [rad] is about a full circle."""
+    return bool(abs(abs(turn) - 2.0 * np.pi) < CIRCLE_WITHIN)
 
 
 def _chain(matcher: Matcher, frames: Sequence[int], track: Track) -> Iterator[Matches]:

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from topoloc.checks.clock import clock_findings
 from topoloc.checks.finding import Finding, Report, Severity, listed
 from topoloc.checks.lightness import flaw_of
+from topoloc.checks.shifts import shifts_of
 from topoloc.checks.turn_sense import sense_findings
 from topoloc.errors import InputError, UnreadableImage, UserError
 from topoloc.geometry import Floats, between
@@ -217,11 +219,12 @@ def _camera_told(recording: Recording) -> Iterator[Finding]:
 
 
 def _camera_findings(recording: Recording) -> Iterator[Finding]:
-    """Pictures that go the wrong way round in turns, and a field of view that turns do not bear out."""
+    """Another clock, pictures that go the wrong way round in turns, a field of view that turns do not bear out."""
     try:
-        wrong = list(sense_findings(recording))
+        shifts = shifts_of(recording)
     except InputError:
         return  # a picture that cannot be read is a finding of its own
+    wrong = list(clock_findings(recording, shifts)) or list(sense_findings(recording, shifts))
     yield from wrong
     if wrong or recording.camera is None:
         return

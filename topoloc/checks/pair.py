@@ -11,6 +11,7 @@ from topoloc.checks.field_of_view import Look, frame_findings, placed_on
 from topoloc.checks.finding import Finding, Report
 from topoloc.checks.of_recording import frames_apart
 from topoloc.checks.poses_of_frames import pose_findings
+from topoloc.checks.same_drive import ITS_OWN, from_this_recording
 from topoloc.errors import InputError
 from topoloc.geometry import compose
 from topoloc.going_through import Track, in_silence
@@ -37,13 +38,21 @@ def check_pair(topo_map: TopoMap, recording: Recording, track: Track = in_silenc
     except InputError as error:
         return Report(summary, (Finding(str(error.path), error.problem, error.remedy, "serious"),))
     where = str(recording.folder / f"{recording.kind}.txt")
-    found = [*_off_the_map(topo_map, recording)]
+    found = [*_off_the_map(topo_map, recording), *_its_own(topo_map, recording)]
     if recording.kind == "rgb":
         placed = placed_on(topo_map, looks, track)
         found += frame_findings(topo_map, placed, where)
         upright = [one for one in placed if one.way == "same"]
         found += pose_findings(topo_map, upright, str(recording.folder / "groundtruth.txt"))
     return Report(summary, tuple(found))
+
+
+def _its_own(topo_map: TopoMap, recording: Recording) -> Iterator[Finding]:
+    """A recording that the map was built of: its pictures are found perfectly, and tell nothing of others."""
+    share = from_this_recording(topo_map, recording)
+    if share > ITS_OWN:
+        what = f"the map was built of this recording: {100.0 * share:.0f} % of its pictures looked at are frames of it"
+        yield Finding(str(recording.folder), what, "localize another drive: figures of this one are too good", "note")
 
 
 def _looks(topo_map: TopoMap, recording: Recording) -> list[Look]:

@@ -43,7 +43,7 @@ def turn(
 ) -> None:
     """Measure the horizontal field of view where a robot turns on the spot.
 
-    With odometry, its turns are the measure, or the full circle where one closes; without odometry the recording must
+    Full circles are the measure where they close, else the odometer's turns; without odometry the recording must
     be one turn of a full circle. A camera off the axis of rotation needs its place, ``x`` and ``y`` of ``[mount]`` in
     ``camera.toml``, to be known.
 
@@ -184,6 +184,8 @@ def _tell_turn(recording: Recording, found: FieldOfView) -> None:
     print(f"field of view: {found.hfov_deg:.2f} degrees across (standard deviation {found.sd_deg:.2f})")
     agree = f"{100.0 * found.agreeing:.0f} % of what was seen twice agrees"
     print(f"from {found.pairs} pairs of frames, {found.turned_deg:.0f} degrees turned; {agree}")
+    if found.circles > 0:
+        print(f"full circles followed from picture to picture: {found.circles}; they are the measure")
     if found.odometer_scale is not None:
         print(f"a full circle closed: true turns are {found.odometer_scale:.3f} times the odometer's")
     elif not found.closed:
@@ -192,11 +194,12 @@ def _tell_turn(recording: Recording, found: FieldOfView) -> None:
         print(
             f"{recording.folder / 'camera.toml'} has a lens, taken out; with it {recording.camera.hfov_deg:.2f} is told"
         )
-    elif recording.mount.x == recording.mount.y == 0.0:
+    elif not found.place_told:
         print(
             "the camera is taken to sit on the axis of rotation: ahead of it, the field of view comes out too narrow,"
         )
-        print("in a room by about 3 % for each 0.1 m; then write x (ahead) and y (left) of [mount], and measure again")
+        print("in a room by about 3 % for each 0.1 m. The standard deviation allows for 0.2 m: write x (ahead) and y")
+        print("(left) of [mount], 0 where it is on the axis, and measure again")
 
 
 def _draw(picture: Path, found: FieldOfView) -> None:

@@ -12,8 +12,6 @@ from cyclopts import Parameter
 if TYPE_CHECKING:
     from topoloc.importing.bags import Bag, BagImport, Message
 
-OWNED = ("rgb.txt", "right.txt", "depth.txt", "odometry.txt", "groundtruth.txt", "camera.toml")
-"""What an import may write besides the folders of pictures."""
 LISTED_S = 10.0
 """So much of ``/tf`` is looked at to list the frames: it may be long [s]."""
 
@@ -54,6 +52,7 @@ def import_bag(
     from topoloc.files import new_folder, refuse_to_overwrite
     from topoloc.importing.bags import Bag, BagSettings, Told
     from topoloc.importing.bags import import_bag as read_into
+    from topoloc.importing.recording_sink import OWNED
 
     told = Told(image, odometry, truth, camera_info, right, depth)
     frames = (_frames("odometry", odometry, odometry_tf), _frames("truth", truth, truth_tf))

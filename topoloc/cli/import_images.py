@@ -45,18 +45,18 @@ def import_images(
 
     Example: ``topoloc import images camera/ -o drive --pattern '*_left.png' --odometry odom.csv --hfov-deg 62``
     """
-    from topoloc.cli.import_options import RECORDING_FILES, read_alongside, rig_of, tell_missing_view
+    from topoloc.cli.import_options import read_alongside, rig_of, tell_missing_view
     from topoloc.cli.imported import tell
     from topoloc.cli.progress import bar, track
     from topoloc.files import new_folder, refuse_to_overwrite
-    from topoloc.importing import RecordingSink
     from topoloc.importing.images import find_pictures, import_pictures, look_at
     from topoloc.importing.picture_times import Dated, date
+    from topoloc.importing.recording_sink import OWNED, RecordingSink
 
     refuse_to_overwrite(output, overwrite)
     paths = find_pictures(folder, pattern)
     alongside = read_alongside(odometry, truth, wheel_base_m, ticks_per_metre)
-    with new_folder(output, overwrite, owned=RECORDING_FILES) as made:
+    with new_folder(output, overwrite, owned=OWNED) as made:
         sink = RecordingSink(made)
         shots = look_at(track(paths, "looking at pictures"), sink)
         dated = date(shots, fps, times, sink) if shots else Dated((), (), "unknown")

@@ -13,12 +13,6 @@ if TYPE_CHECKING:
     from topoloc.importing.odometry_csv import CsvTrack
     from topoloc.rig_file import Rig
 
-RECORDING_FILES = (
-    *(f"{kind}.txt" for kind in ("rgb", "omni", "right", "depth", "odometry", "groundtruth", "pan")),
-    "camera.toml",
-)
-"""Files of an earlier recording that --overwrite removes where they are not written again."""
-
 Output = Annotated[Path, Parameter(name=["--output", "-o"], help="Recording folder to make.")]
 OdometryCsv = Annotated[
     Path | None, Parameter(help="CSV whose columns are named with units, such as time_s,x_m,y_m,heading_deg.")

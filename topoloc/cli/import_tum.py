@@ -32,11 +32,10 @@ def import_tum(
     """
     from math import inf
 
-    from topoloc.cli.import_options import RECORDING_FILES
     from topoloc.cli.imported import tell
     from topoloc.cli.progress import bar
     from topoloc.files import new_folder, refuse_to_overwrite
-    from topoloc.importing import RecordingSink
+    from topoloc.importing.recording_sink import OWNED, RecordingSink
     from topoloc.importing.thinning import Thinning
     from topoloc.importing.tum import import_sequence, kinect_of, pairs_with, read_sequence, rig_of
 
@@ -44,7 +43,7 @@ def import_tum(
     thinning = Thinning(every, start, inf if end is None else end)
     name = kinect_of(sequence, kinect)
     read = read_sequence(sequence)
-    with new_folder(output, overwrite, owned=RECORDING_FILES) as folder, bar() as progress:
+    with new_folder(output, overwrite, owned=OWNED) as folder, bar() as progress:
         task = progress.add_task("copying pictures", total=len(read))
         sink = RecordingSink(folder)
         import_sequence(read, sink, thinning, lambda: progress.advance(task))

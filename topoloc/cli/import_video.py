@@ -58,23 +58,23 @@ def import_video(
     """
     from math import inf
 
-    from topoloc.cli.import_options import RECORDING_FILES, read_alongside, rig_of, tell_missing_view
+    from topoloc.cli.import_options import read_alongside, rig_of, tell_missing_view
     from topoloc.cli.imported import tell
     from topoloc.cli.progress import bar
     from topoloc.files import new_folder, refuse_to_overwrite
-    from topoloc.importing import RecordingSink
+    from topoloc.importing.recording_sink import OWNED, RecordingSink
     from topoloc.importing.thinning import Thinning
     from topoloc.importing.video import Video, every_of, import_frames
 
     refuse_to_overwrite(output, overwrite)
     thinning = Thinning(every_of(every, fps, EVERY_S), start, inf if end is None else end)
-    video = Video(file)
-    alongside = read_alongside(odometry, truth, wheel_base_m, ticks_per_metre)
-    with new_folder(output, overwrite, owned=RECORDING_FILES) as folder, bar() as progress:
-        task = progress.add_task("reading frames", total=video.announced or None)
-        sink = RecordingSink(folder)
-        read = import_frames(video, sink, thinning, alongside, offset_s, width, lambda: progress.advance(task))
-        imported = sink.close(rig_of(hfov_deg, mount_yaw_deg, read.width, read.height))
+    with Video(file) as video:
+        alongside = read_alongside(odometry, truth, wheel_base_m, ticks_per_metre)
+        with new_folder(output, overwrite, owned=OWNED) as folder, bar() as progress:
+            task = progress.add_task("reading frames", total=video.announced or None)
+            sink = RecordingSink(folder)
+            read = import_frames(video, sink, thinning, alongside, offset_s, width, lambda: progress.advance(task))
+            imported = sink.close(rig_of(hfov_deg, mount_yaw_deg, read.width, read.height))
     _tell_video(file, video, read, thinning.every_s)
     tell_missing_view(output, hfov_deg)
     tell(output, imported)

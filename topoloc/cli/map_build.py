@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from topoloc.mapping.building import BuildConfig, Built
     from topoloc.recording import Recording
 
-OUTPUTS = ("edges.csv", "views.csv", "map.png")
+OUTPUTS = ("edges.csv", "views.csv", "map.png", "show.png")
 """Files of an earlier map that must not stay beside a new one without them."""
 PANORAMAS_DRAWN = 8
 SHOWN_NAMES = 5
@@ -121,6 +121,8 @@ def _report(output: Path, built: Built) -> None:
 
     import numpy as np
 
+    from topoloc.cli.next_step import next_step
+
     the_map, frames = built.topo_map, built.frames
     bare = [node.id for node in the_map.nodes if not node.has_panorama]
     having = len(the_map.nodes) - len(bare)
@@ -137,8 +139,14 @@ def _report(output: Path, built: Built) -> None:
         print(f"left out: {count} frames: {reason}")
     for note in (*built.notes, *_warnings(built, bare)):
         print(f"warning: {note}", file=sys.stderr)
-    print(f"next: topoloc map show {output}; topoloc check {output}")
-    print(f"then: topoloc localize {output} ANOTHER_RECORDING {_sensor(built, bare)}-o run")
+    if built.source == "odometry":
+        print(
+            "the map's frame is the odometry's: metrics of recordings with ground truth in another frame mean nothing "
+            "(topoloc check MAP RECORDING tells)"
+        )
+    print(next_step("map", "show", output))
+    print(next_step("check", output, lead="then"))
+    print(next_step("localize", output, "ANOTHER_RECORDING", *_sensor(built, bare), "-o", "run", lead="then"))
 
 
 def _warnings(built: Built, bare: list[str]) -> list[str]:
@@ -163,8 +171,8 @@ def _warnings(built: Built, bare: list[str]) -> list[str]:
     return found
 
 
-def _sensor(built: Built, bare: list[str]) -> str:
-    """The option that names a sensor which suits the map; none for the default one, ima."""
+def _sensor(built: Built, bare: list[str]) -> list[str]:
+    """The options that name a sensor and an estimator which suit the map; no sensor for the default one, ima."""
     if not built.topo_map.views:
-        return "--sensor fourier "
-    return "--sensor local --estimator particle " if bare else "--estimator particle "
+        return ["--sensor", "fourier"]
+    return [*(["--sensor", "local"] if bare else []), "--estimator", "particle"]

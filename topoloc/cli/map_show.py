@@ -18,7 +18,10 @@ def show(
     *,
     output: Annotated[
         Path | None,
-        Parameter(name=["--output", "-o"], help="Picture to write (png, jpg, pdf, svg); default: MAP.png beside MAP."),
+        Parameter(
+            name=["--output", "-o"],
+            help="Picture to write (png, jpg, pdf, svg); default: MAP/show.png, or TEXT_MAP.png.",
+        ),
     ] = None,
     nodes: Annotated[
         tuple[str, ...],
@@ -35,12 +38,13 @@ def show(
     """
     from rich.console import Console
 
+    from topoloc.cli.next_step import next_step
     from topoloc.errors import InputError, UserError
     from topoloc.files import refuse_to_overwrite, write_bytes
     from topoloc.mapping.show import as_picture, draw_map, shown_nodes
     from topoloc.topo_map import TopoMap
 
-    place = _beside(topo_map) if output is None else output
+    place = _usual(topo_map) if output is None else output
     if place.suffix.lower() not in ENDINGS:
         raise UserError(f"{place}: no picture is written as {place.suffix!r}; end the name in {', '.join(ENDINGS)}")
     if place.is_dir():
@@ -59,10 +63,12 @@ def show(
     if len(drawn) < len(having):
         first = next(identity for identity in having if identity not in drawn)
         print(f"the others: --panoramas {len(having)}, or by id, as --nodes {first}")
-    print(f"next: topoloc check {topo_map}")
+    print(next_step("check", topo_map))
 
 
-def _beside(topo_map: Path) -> Path:
-    """``lab/map.png`` for the folder ``lab/map``, ``lab.png`` for the text map ``lab.txt``."""
-    place = topo_map.resolve()
-    return place.with_name(f"{place.name}.png") if place.is_dir() else place.with_suffix(".png")
+def _usual(topo_map: Path) -> Path:
+    """``lab/map/show.png`` for the folder ``lab/map``, ``lab.png`` for the text map ``lab.txt``.
+
+    Not ``map.png``: ``topoloc map build`` drew that one.
+    """
+    return topo_map / "show.png" if topo_map.is_dir() else topo_map.with_suffix(".png")

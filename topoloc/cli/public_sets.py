@@ -9,16 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from topoloc.cli.import_options import RECORDING_FILES
-
 if TYPE_CHECKING:
     from topoloc.importing.public.sequence import Drive
     from topoloc.importing.public.splits import Split
     from topoloc.importing.thinning import Thinning
     from topoloc.mapping.building import BuildConfig, Built
 
-OWNED = (*RECORDING_FILES, "rooms.csv", "origin.toml")
-"""Files of an earlier recording that --overwrite removes where they are not written again."""
 VIEWS_A_NODE = 0.3
 """Distance between training views, of that between nodes; what 'topoloc map build' has by default."""
 
@@ -80,8 +76,8 @@ def import_one(public: PublicSet, folder: Path, output: Path, thinning: Thinning
     from topoloc.cli.imported import tell
     from topoloc.cli.progress import bar
     from topoloc.files import new_folder, refuse_to_overwrite
-    from topoloc.importing import RecordingSink
     from topoloc.importing.public.sequence import write_drives
+    from topoloc.importing.recording_sink import OWNED, RecordingSink
 
     refuse_to_overwrite(output, overwrite)
     drive = public.read(folder)

@@ -35,6 +35,7 @@ def run(
     video: Annotated[Path | None, Parameter(help="Video file, played at its own pace.")] = None,
     recording: Annotated[Path | None, Parameter(help="Recording folder, played at its own pace.")] = None,
     odometry: Annotated[str | None, Parameter(help=ODOMETRY_HELP, allow_leading_hyphen=True)] = None,
+    offset_s: Annotated[float, Parameter(help="Time of a video's first picture on the clock of --odometry.")] = 0.0,
     fast: Annotated[bool, Parameter(help="Play as fast as it goes, nothing dropped.", negative="")] = False,
     camera_toml: Annotated[Path | None, Parameter(help="Lens, size and mount of a camera or a video.")] = None,
     sensor: Annotated[str, Parameter(help="See 'topoloc list sensors'; several as one: a+b, 'mix(a,b)'.")] = "ima",
@@ -48,7 +49,7 @@ def run(
         Parameter(help="At most so many pictures a second; others are passed over.", validator=Number(gt=0)),
     ] = None,
     state: Annotated[Path | None, Parameter(help="File that keeps the belief; if it is there, start from it.")] = None,
-    log: Annotated[Path | None, Parameter(help="Folder to make at the end: trajectory.txt, steps.csv.")] = None,
+    log: Annotated[Path | None, Parameter(help="Folder to make: trajectory.txt, steps.csv.")] = None,
     overwrite: Annotated[bool, Parameter(help="Replace the files of an earlier log.", negative="")] = False,
     json: Annotated[bool, Parameter(help="Print a JSON object a line for each picture.", negative="")] = False,
 ) -> None:
@@ -60,6 +61,8 @@ def run(
 
     Example: ``topoloc run lab/map --camera 0 --state lab.belief``
     """
+    from contextlib import closing
+
     from topoloc.files import refuse_to_overwrite
     from topoloc.live.run_log import RunLog
     from topoloc.topo_map import TopoMap
@@ -68,16 +71,16 @@ def run(
     if log is not None:
         refuse_to_overwrite(log, overwrite)
     the_map = TopoMap.load(topo_map)
-    source = _source(the_map, camera, video, recording, odometry, camera_toml)
     words = settings if rate is None else (*settings, f"live.most_hz={rate}")
     choice = LiveChoice(sensor, estimator, seed, words, state)
-    live = live_localizer(the_map, choice, source.rig, source.kinds)
-    tell = _Teller(the_map, RunLog(the_map), json)
-    try:
-        with stopped_by_signals():
-            _work(live, source, odometry == "-", fast, tell)
-    finally:
-        tell.end(live, log, overwrite, state)
+    tell = _Teller(the_map, None if log is None else RunLog(log, overwrite, the_map), json)
+    with closing(_source(the_map, camera, video, recording, odometry, offset_s, camera_toml)) as source:
+        live = live_localizer(the_map, choice, source.rig, source.kinds)
+        try:
+            with stopped_by_signals():
+                _work(live, source, odometry == "-", fast, tell)
+        finally:
+            tell.end(live, state)
 
 
 def _refuse_contradictions(
@@ -100,7 +103,7 @@ def _refuse_contradictions(
     if recording is not None and odometry not in (None, "none"):
         raise UserError("--odometry: a recording has its own odometry.txt; leave the option out, or write none")
     if camera is not None and odometry not in (None, "none", "-"):
-        raise UserError("--odometry: a file is of the past; pipe a running robot's odometry in, and write --odometry -")
+        raise UserError("--odometry FILE is for a video; pipe in what a robot's driver says, and write --odometry -")
 
 
 def _source(
@@ -109,6 +112,7 @@ def _source(
     video: Path | None,
     recording: Path | None,
     odometry: str | None,
+    offset_s: float,
     camera_toml: Path | None,
 ) -> Source:
     """Where the pictures come from."""
@@ -118,7 +122,7 @@ def _source(
         return sources.of_recording(recording, the_map, with_odometry=odometry != "none")
     rig = sources.rig_on(camera_toml, the_map)
     if video is not None:
-        return sources.of_video(video, rig, None if odometry in (None, "none", "-") else Path(odometry))
+        return sources.of_video(video, rig, None if odometry in (None, "none", "-") else Path(odometry), offset_s)
     assert camera is not None  # one of the three is given
     return sources.of_camera(camera, rig)
 
@@ -132,6 +136,8 @@ def _work(live: LiveLocalizer, source: Source, piped: bool, fast: bool, tell: Ca
     from topoloc.live.messages import replay
     from topoloc.live.odometry_lines import LineFeed
 
+    if source.note:
+        print(f"warning: {source.note}", file=sys.stderr)
     if fast and source.messages is not None:
         replay(source.messages, live, tell)
         return
@@ -143,7 +149,7 @@ def _work(live: LiveLocalizer, source: Source, piped: bool, fast: bool, tell: Ca
 class _Teller:
     """Prints reports: JSON lines, one line that is rewritten on a terminal, or lines at changes; and logs them."""
 
-    def __init__(self, the_map: TopoMap, log: RunLog, as_json: bool) -> None:
+    def __init__(self, the_map: TopoMap, log: RunLog | None, as_json: bool) -> None:
         import sys
 
         self._map, self._log, self._json = the_map, log, as_json
@@ -156,7 +162,8 @@ class _Teller:
 
         from topoloc.live.lines import as_json, as_line
 
-        self._log.add(report)
+        if self._log is not None:
+            self._log.add(report)
         if self._json:
             print(as_json(report, self._map), flush=True)
             return
@@ -169,21 +176,21 @@ class _Teller:
             self._told = report.status.value, report.node_id, report.timestamp
             print(line, flush=True)
 
-    def end(self, live: LiveLocalizer, log: Path | None, overwrite: bool, state: Path | None) -> None:
-        """Write the log, and say what came of it all and what is next; nothing where no picture was used."""
+    def end(self, live: LiveLocalizer, state: Path | None) -> None:
+        """Finish the log, and say what came of it all and what is next; nothing where no picture was used."""
         import sys
 
         from topoloc.live.lines import summary
 
+        if self._log is not None and live.counts.used:
+            self._log.close()  # before anything is printed, which a closed pipe would end
         if self._rewrites:
             print()
         if not live.counts.used:
             return
-        if log is not None:
-            self._log.write(log, overwrite)
         out = sys.stderr if self._json else sys.stdout
         print(summary(live.counts), file=out)
-        if log is not None:
-            print(f"{log}: trajectory.txt, steps.csv", file=out)
+        if self._log is not None:
+            print(f"{self._log.folder}: trajectory.txt, steps.csv", file=out)
         if state is not None and state.exists():
             print(f"{state}: the belief; the same command goes on from there", file=out)

@@ -23,8 +23,8 @@ def score(
     """Say how a run did in the terms of the papers on public sets.
 
     The share of frames whose room is right, frames for which no node was named counting as wrong; mean and median
-    error; the share of frames within some distances. Every frame counts. The pair is a folder that
-    'topoloc import cold --split' and the like made.
+    error; the share of frames within some distances. Every frame counts: one that the run has no step for is wrong,
+    but has no error for the mean and median. The pair is a folder that 'topoloc import cold --split' and the like made.
 
     Example: ``topoloc score run scenarios/freiburg-seq2_night2-on-freiburg-seq2_cloudy3``
     """
@@ -32,16 +32,19 @@ def score(
     from rich.table import Table
 
     from topoloc.errors import InputError
+    from topoloc.importing.public.answers import Answers
     from topoloc.importing.public.room_rate import NODE_ROOMS_FILE, pose_errors, room_rate
     from topoloc.importing.public.split_import import PAIR_FILE, RECORDING
     from topoloc.settings import read_toml
 
-    steps, recording = run / "steps.csv", pair / RECORDING
+    recording = pair / RECORDING
     if not recording.is_dir():
         raise InputError(recording, "no such folder", "name the folder of a pair, made by 'topoloc import ... --split'")
-    rooms, errors = room_rate(steps, recording, pair / NODE_ROOMS_FILE), pose_errors(steps, recording)
+    answers = Answers.read(run / "steps.csv", recording)
+    rooms, errors = room_rate(answers, pair / NODE_ROOMS_FILE), pose_errors(answers)
     table = Table("figure", "value", "unit")
-    for row in [*_room_rows(rooms), *_error_rows(errors)]:
+    without = ("without a step", f"{answers.missing}", f"frames of {len(answers.steps)}")
+    for row in [*_room_rows(rooms), *_error_rows(errors), without]:
         table.add_row(*row)
     Console().print(table)
     if (pair / PAIR_FILE).exists():

@@ -59,7 +59,8 @@ def pixels(message: ros.Image) -> Image:
     """The picture (rows, cols, 3), RGB.
 
     Raises:
-        UserError: an encoding that is not in ``ENCODINGS``, or fewer bytes than the size asks for.
+        UserError: an encoding that is not in ``ENCODINGS``, fewer bytes than the size asks for, or a size that the
+            encoding cannot have.
     """
     import cv2
 
@@ -68,9 +69,10 @@ def pixels(message: ros.Image) -> Image:
         raise UserError(f"images are encoded as {message.encoding!r}; publish one of {known}, or compressed images")
     depth, conversion = ENCODINGS[message.encoding]
     rows, row, size = message.height, message.width * depth, message.height * message.step
-    if row == 0 or rows == 0 or message.step < row or len(message.data) < size:
+    halved = conversion.startswith("COLOR_YUV") and message.width % 2  # YUV 4:2:2: a colour for two columns
+    if row == 0 or rows == 0 or message.step < row or len(message.data) < size or halved:
         told = f"{message.width}x{message.height} with {message.step} bytes a row, and {len(message.data)} bytes"
-        raise UserError(f"an image is told to be {told}; mend its publisher")
+        raise UserError(f"an image is told to be {told}, in {message.encoding}; mend its publisher")
     table = np.frombuffer(message.data, dtype=np.uint8, count=size).reshape(rows, message.step)[:, :row]
     shaped = np.ascontiguousarray(table).reshape(rows, message.width, depth)
     return shaped if not conversion else np.asarray(cv2.cvtColor(shaped, getattr(cv2, conversion)), dtype=np.uint8)

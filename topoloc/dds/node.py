@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 import threading
 from collections import Counter, OrderedDict
 from collections.abc import Callable
@@ -140,7 +139,9 @@ class RosNode:
                     return
                 if not isinstance(samples[0], InvalidSample):  # which is the news that a publisher has gone
                     take(samples[0])
-            except (struct.error, ValueError, UserError) as error:
+            except DDSException:
+                raise
+            except Exception as error:  # whatever a stranger's bytes raise: the robot runs on
                 self.heard.counts["unreadable"] += 1
                 self.heard.problem = str(error)
 

@@ -11,7 +11,7 @@ import numpy as np
 from topoloc.errors import InputError, UserError
 from topoloc.geometry import Floats, wrap
 from topoloc.importing.csv_table import Column, CsvTable, read_table
-from topoloc.importing.time_units import TIME_UNITS, unit_by_size
+from topoloc.importing.time_units import NAME_THE_UNIT, TIME_UNITS, unclear_step, unit_by_size
 from topoloc.recording import Track
 
 EXAMPLE = "time_s,x_m,y_m,heading_deg"
@@ -19,8 +19,6 @@ LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 SPEEDS = {"m_s": 1.0, "cm_s": 1e-2, "mm_s": 1e-3}
 ANGLES = {"rad": 1.0, "deg": np.pi / 180.0}
 TURNS = {"rad_s": 1.0, "deg_s": np.pi / 180.0}
-LONGEST_STEP_S = 5.0
-"""Odometry steps less; a clock without a unit that steps more counts something else than seconds [s]."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ def read_poses_csv(path: Path | str, wheels: Wheels | None = None) -> CsvTrack:
     row before (``left_m,right_m`` or ``left_ticks,right_ticks``) or in all (``left_total_ticks``, ...); or by speeds
     (``v_m_s,omega_rad_s``), taken as changing evenly from row to row. The first of these that is there is read. A
     unit stands at the name's end or in brackets, ``x [mm]``. Without one, lengths are metres, speeds metres a second,
-    and times seconds, or what a clock that counts since 1970 shows; angles and wheels must have one.
+    and times seconds with a fraction, or what a clock that counts since 1970 shows; angles and wheels must have one.
 
     Args:
         path: the file; ``,`` ``;`` tab or blanks separate.
@@ -164,9 +162,8 @@ def _times(table: CsvTable, column: Column) -> tuple[Floats, str]:
         row = int(back[0]) + 1
         problem = f"column {column.name!r}: {table.rows[row][column.index]} is before the line above"
         raise InputError(table.path, problem, "sort the lines by time", table.lines[row])
-    if column.unit is None and steps.size and np.median(steps) > LONGEST_STEP_S:
-        problem = f"column {column.name!r} has no unit, and steps by {np.median(steps):g}"
-        raise InputError(table.path, problem, "name it time_ms, time_us or time_ns; time_s if seconds are meant")
+    if column.unit is None and (step := unclear_step(raw)) is not None:
+        raise InputError(table.path, f"column {column.name!r} has no unit, and steps by {step:g}", NAME_THE_UNIT)
     return times, unit
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -14,12 +13,12 @@ import numpy as np
 
 from topoloc.errors import InputError, UserError
 from topoloc.importing.csv_table import read_table
+from topoloc.importing.name_times import name_times
 from topoloc.importing.recording_sink import RecordingSink
-from topoloc.importing.time_units import EPOCH_S, TIME_UNITS, unit_by_size
+from topoloc.importing.time_units import NAME_THE_UNIT, TIME_UNITS, unclear_step, unit_by_size
 
 EXIF_TAKEN, EXIF_FRACTION, EXIF_ZONE = 36867, 37521, 36881
 """Numbers of EXIF's DateTimeOriginal, SubSecTimeOriginal and OffsetTimeOriginal."""
-NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 @dataclass(frozen=True)
@@ -74,10 +73,15 @@ def date(shots: Sequence[Shot], fps: float | None, times: Path | None, sink: Rec
     if times is not None:
         listed = _listed(times)
         return _where(shots, lambda shot: listed.get(shot.path.name), f"from {times}", f"is not in {times.name}", sink)
-    named = [shot for shot in shots if name_time(shot.path) is not None]
-    if 2 * len(named) > len(shots):
-        how = f"from the files' names, such as {named[0].path.name}"
-        return _where(shots, lambda shot: name_time(shot.path), how, "has no time in its name, as most have", sink)
+    named = name_times([shot.path.stem for shot in shots])
+    if named is not None:
+        in_name = {shot.path: time for shot, time in zip(shots, named.times, strict=True)}
+        why_not = "has no time in its name, as most have"
+        dated = _where(shots, lambda shot: in_name[shot.path], "from the files' names", why_not, sink)
+        how = f"{dated.how}, such as {dated.shots[0].path.name}"
+        if named.whole_seconds:
+            return replace(_spread(dated), how=f"{how}; those of one second are spread evenly over it")
+        return replace(dated, how=how)
     if 2 * sum(shot.exif_s is not None for shot in shots) > len(shots):
         how = "as the camera noted them (EXIF); those of one second are spread evenly over it"
         return _spread(_where(shots, lambda shot: shot.exif_s, how, "has no time in its EXIF, as most have", sink))
@@ -94,21 +98,8 @@ def _where(
     return Dated([shot for shot, _ in dated], [time for _, time in dated], how)
 
 
-def name_time(path: Path) -> float | None:
-    """The time [s] in a file's name; None where there is none.
-
-    It is the last number of the name that has a fraction, and then is seconds, or that is as large as clocks that
-    count since 1970 show, in the unit that its size tells. Numbers of pictures are neither.
-    """
-    for word in reversed(NUMBER.findall(path.stem)):
-        value = float(word)
-        if "." in word or value >= EPOCH_S:
-            return value if "." in word else value * TIME_UNITS[unit_by_size(value)]
-    return None
-
-
 def _spread(dated: Dated) -> Dated:
-    """Pictures of equal times, since EXIF may know only the second, at even steps within it, in the files' order."""
+    """Pictures of equal times, where only the second is known, at even steps within it, in the files' order."""
     count = Counter(dated.times)
     seen: Counter[float] = Counter()
     times = []
@@ -131,6 +122,8 @@ def _listed(path: Path) -> dict[str, float]:
     unit = time.unit or unit_by_size(float(values[0]))
     if unit not in TIME_UNITS:
         raise InputError(path, f"the column {time.name!r} is in {unit!r}", f"write one of: {', '.join(TIME_UNITS)}")
+    if time.unit is None and (step := unclear_step(values)) is not None:
+        raise InputError(path, f"column {time.name!r} has no unit, and steps by {step:g}", NAME_THE_UNIT)
     return {
         Path(name).name: float(value * TIME_UNITS[unit]) for name, value in zip(table.words(file), values, strict=True)
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,11 @@ from topoloc.recording import KINDS, write_track
 from topoloc.rig_file import Rig, write_rig
 from topoloc.types import Pixels
 
+OWNED = (
+    *(f"{kind}.txt" for kind in KINDS),
+    *("odometry.txt", "groundtruth.txt", "pan.txt", "camera.toml", "rooms.csv", "origin.toml"),
+)
+"""Files of an earlier recording that --overwrite of any importer removes where they are not written again."""
 SAME_TIME_S = 1e-6
 """Times are written to the microsecond: what is nearer in time than this has the same time [s]."""
 
@@ -50,12 +55,13 @@ class RecordingSink:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._pictures: dict[str, list[tuple[float, str]]] = {}
+        self._written: Counter[str] = Counter()
         self._odometry: list[tuple[float, Floats]] = []
         self._truth: list[tuple[float, Floats]] = []
         self._dropped: Counter[tuple[str, str]] = Counter()
 
-    def picture(self, kind: str, time: float, data: bytes | Pixels, suffix: str = ".png") -> None:
-        """Write a picture.
+    def picture(self, kind: str, time: float, data: bytes | Pixels, suffix: str = ".png") -> str | None:
+        """Write a picture; returns its name, for ``withdraw``, None where it is left out.
 
         Args:
             kind: ``rgb``, ``omni``, ``right`` or ``depth``.
@@ -70,14 +76,22 @@ class RecordingSink:
             raise ValueError(f"{kind!r} is no kind of picture; choose from: {', '.join(KINDS)}")
         if not np.isfinite(time):
             self.drop(f"{kind} picture", "its time is no number")
-            return
-        listed = self._pictures.setdefault(kind, [])
-        name = f"{kind}/{len(listed):06d}{suffix}"
+            return None
+        name = f"{kind}/{self._written[kind]:06d}{suffix}"
         if isinstance(data, bytes):
             write_bytes(self._folder / name, data)
         else:
             write_image(self._folder / name, data)
-        listed.append((float(time), name))
+        self._written[kind] += 1
+        self._pictures.setdefault(kind, []).append((float(time), name))
+        return name
+
+    def withdraw(self, kind: str, names: Collection[str], why: str) -> None:
+        """Delete pictures of a kind that were written, and note why they are left out."""
+        self._pictures[kind] = [item for item in self._pictures.get(kind, []) if item[1] not in names]
+        for name in names:
+            (self._folder / name).unlink()
+        self.drop(f"{kind} picture", why, len(names))
 
     def odometry(self, time: float, pose: Sequence[float] | Floats) -> None:
         """Keep a raw pose (3,) of the odometer [m, m, rad]."""

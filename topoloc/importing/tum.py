@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from topoloc.errors import InputError, UserError
-from topoloc.files import read_image
+from topoloc.files import read_image, read_text
 from topoloc.geometry import wrap
 from topoloc.importing.alongside import Alongside
 from topoloc.importing.recording_sink import RecordingSink
@@ -122,7 +122,8 @@ def _truth(path: Path) -> Track | None:
 
     if not path.exists():
         return None
-    table = np.loadtxt(path, comments="#", ndmin=2)
+    text = read_text(path, "restore it").replace(",", " ")  # commas separate, too, as Recording.load has it
+    table = np.loadtxt(text.splitlines(), comments="#", ndmin=2)
     ahead = Rotation.from_quat(table[:, 4:8]).apply([0.0, 0.0, 1.0])
     return Track(table[:, 0], np.column_stack([table[:, 1:3], wrap(np.arctan2(ahead[:, 1], ahead[:, 0]))]))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clocks
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Event
 
@@ -36,11 +36,12 @@ class _Look:
     """The last picture that was worked on.
 
     Attributes:
-        time: its stamp [s].
-        estimate: at that time.
+        time: its stamp, or that of the last report of silence after it [s].
+        estimate: at the picture.
         belief: after the last look, at this picture or one before.
         since: (3,) motion between the two.
         saved: what a restart needs.
+        ridden: (3,) motion from the picture to ``time``; readings older than that may be forgotten.
     """
 
     time: float
@@ -48,6 +49,7 @@ class _Look:
     belief: WeightedPoses
     since: Floats
     saved: SavedBelief
+    ridden: Floats = field(default_factory=lambda: np.zeros(3))
 
 
 class LiveLocalizer:
@@ -198,10 +200,12 @@ class LiveLocalizer:
         )
         last = self._last or self._before_the_first(-np.inf if newest is None else newest[0])
         time = last.time if newest is None else max(newest[0], last.time)
-        motion = self._odometer.between(last.time, time)
-        lost = replace(_carried(last.estimate, motion, self._localizer), status=Status.LOST)
+        ridden = compose(last.ridden, self._odometer.between(last.time, time))
+        if self._last is not None:
+            self._last = replace(last, time=time, ridden=ridden)
+        lost = replace(_carried(last.estimate, ridden, self._localizer), status=Status.LOST)
         return self._report(
-            max(time, self._told), lost, why, replace(last, since=compose(last.since, motion)), silent_s
+            max(time, self._told), lost, why, replace(last, since=compose(last.since, ridden)), silent_s
         )
 
     def _before_the_first(self, time: float) -> _Look:
@@ -259,7 +263,8 @@ class LiveLocalizer:
         """What is remembered of a picture: within the motion gate the belief stays that of the last look."""
         if step.kind == "gated" and self._last is not None:
             since = between(self._last.estimate.pose, step.estimate.pose)
-            return replace(self._last, time=letter.time, estimate=step.estimate, since=compose(self._last.since, since))
+            since = compose(self._last.since, since)
+            return replace(self._last, time=letter.time, estimate=step.estimate, since=since, ridden=np.zeros(3))
         belief = self._localizer.estimator.belief
         return _Look(letter.time, step.estimate, belief, np.zeros(3), SavedBelief(belief, reading.raw, letter.time))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time as clocks
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from math import inf
 from threading import Event
 from typing import Protocol
 
@@ -58,11 +59,16 @@ def recorded(recording: Recording) -> Iterator[Message]:
     return beside(pictures, recording.odometry)
 
 
-def beside(pictures: Iterable[Picture], track: Track | None) -> Iterator[Message]:
+def beside(pictures: Iterable[Picture], track: Track | None, reach_s: float = inf) -> Iterator[Message]:
     """Pictures in time, and between them the readings of a track.
 
     Before each picture comes the track's own pose at its time, so that the localizer need not wait for the next reading
     and gets the odometry that ``Recording`` would give.
+
+    Args:
+        pictures: in time.
+        track: of the odometer, or None.
+        reach_s: pictures farther than this before its first or after its last reading get no pose [s].
     """
     times = [] if track is None else track.times.tolist()
     at = 0
@@ -71,7 +77,7 @@ def beside(pictures: Iterable[Picture], track: Track | None) -> Iterator[Message
             if times[at] < picture.time:
                 yield Odometry(times[at], track.poses[at])
             at += 1
-        if track is not None:
+        if track is not None and times[0] - reach_s <= picture.time <= times[-1] + reach_s:
             yield Odometry(picture.time, track.at(picture.time))
         yield picture
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections import deque
 from dataclasses import dataclass
 from threading import Lock
 
@@ -47,7 +48,7 @@ class Odometer:
         self._times: list[float] = []
         self._poses: list[Floats] = []
         self._set_back = SetBack(config.clock_back_s)
-        self._behind: list[tuple[float, Floats]] = []
+        self._behind: deque[tuple[float, Floats]] = deque(maxlen=self._set_back.needed)
         self._offset = np.zeros(3)  # leads from the odometer's frame to that of the poses handed out
         self._followed: tuple[float, Floats] | None = None  # the last reading whose jump, if any, is in ``_offset``
         self._cut_at = -np.inf  # time of the last break
@@ -95,7 +96,7 @@ class Odometer:
 
     def _begin_again(self) -> None:
         """The odometer's clock was set back: what came since takes the place of all before."""
-        kept = dict(sorted(self._behind[-self._set_back.needed :]))
+        kept = dict(sorted(self._behind))
         self._times, self._poses = list(kept), list(kept.values())
         self._behind.clear()
         self._set_back.forget()

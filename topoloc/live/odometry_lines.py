@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from threading import Event
 
 import numpy as np
 
 from topoloc.errors import UserError
 from topoloc.geometry import Floats
+from topoloc.importing import csv_table
 from topoloc.importing.odometry_csv import EXAMPLE, QUANTITIES
+from topoloc.importing.time_units import unit_by_size
 from topoloc.live.engine import LiveLocalizer
 
 COLUMNS = ("time", "x", "y", "heading")
@@ -23,7 +25,8 @@ class LineFeed:
     """Hands on the readings in lines of text, as they come.
 
     Args:
-        lines: numbers, separated by blanks or commas; the first one may name the columns with their units.
+        lines: numbers, separated by blanks or commas; the first one, or a comment right above them, may name the
+            columns with their units, by the rules of ``topoloc.importing.csv_table``.
     """
 
     def __init__(self, lines: Iterable[str]) -> None:
@@ -36,15 +39,19 @@ class LineFeed:
             UserError: the first line neither is a reading nor names the columns.
         """
         parse: Parse | None = None
+        comment = ""
         for line in self._lines:
             if stop.is_set():
                 return
             text = line.strip().lstrip("\ufeff")
             if not text or text.startswith("#"):
+                comment = text.lstrip("# ") or comment
                 continue
             if parse is None and not _is_number(_cells(text)[0]):
                 parse = _by_header(text)
                 continue
+            if parse is None and not _lacking(_columns(comment)):
+                parse = _by_header(comment)
             if parse is None:
                 parse = _plain
                 _check(text)
@@ -76,23 +83,40 @@ def _check(text: str) -> None:
         raise UserError(f"--odometry -: the first line is {text[:60]!r}; {WAYS}")
 
 
+def _split(line: str) -> list[str]:
+    """The cells of a header, or of a line below it; empty ones keep their place."""
+    return csv_table._cells(line, csv_table._separator(line))
+
+
+def _columns(header: str) -> dict[str, csv_table.Column]:
+    """The columns that a line names, by quantity."""
+    columns = [csv_table._column(i, name) for i, name in enumerate(_split(header)) if name]
+    return {what: column for column in columns for what in COLUMNS if column.quantity in QUANTITIES[what].names}
+
+
+def _lacking(found: Mapping[str, csv_table.Column]) -> list[str]:
+    """The quantities that no column tells in a unit of theirs; some have one by default, times show it."""
+    units = {what: column.unit or QUANTITIES[what].default for what, column in found.items()}
+    timeless = {"time"} if "time" in units and units["time"] is None else set()
+    return [what for what in COLUMNS if units.get(what) not in QUANTITIES[what].units and what not in timeless]
+
+
 def _by_header(text: str) -> Parse:
-    """How to read lines below a first line that names the columns."""
-    found: dict[str, tuple[int, float]] = {}
-    for i, name in enumerate(_cells(text.lower())):
-        stem, _, ending = name.rpartition("_")
-        for what in COLUMNS:
-            quantity = QUANTITIES[what]
-            if stem in quantity.names and ending in quantity.units:
-                found[what] = i, quantity.units[ending]
-    missing = [what for what in COLUMNS if what not in found]
+    """How to read lines below a line that names the columns."""
+    found, count = _columns(text), len(_split(text))
+    missing = _lacking(found)
     if missing:
         raise UserError(f"--odometry -: the first line {text[:60]!r} names no {', '.join(missing)} with a unit; {WAYS}")
-    places, units = zip(*(found[what] for what in COLUMNS), strict=True)
+    units = {what: column.unit or QUANTITIES[what].default for what, column in found.items()}
 
     def parse(line: str) -> tuple[float, Floats]:
-        cells = _cells(line)
-        values = np.array([float(cells[place]) for place in places]) * np.array(units)
+        cells = _split(line)
+        if any(cells[count:]):  # decimal commas make more cells
+            raise ValueError
+        values = np.array([float(cells[found[what].index]) for what in COLUMNS])
+        if units["time"] is None and np.isfinite(values[0]):
+            units["time"] = unit_by_size(float(values[0]))
+        values *= [QUANTITIES[what].units[units[what] or "s"] for what in COLUMNS]
         return float(values[0]), values[1:]
 
     return parse

@@ -2,53 +2,84 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+import csv
+from contextlib import ExitStack, suppress
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
-from topoloc.files import new_folder
+from topoloc.errors import UserError
+from topoloc.files import new_folder, reason
 from topoloc.live.report import LiveReport
 from topoloc.localizer import Step
-from topoloc.recording import write_track
-from topoloc.steps import write_steps
+from topoloc.steps import STEP_COLUMNS, _cells
 from topoloc.topo_map import TopoMap
-from topoloc.types import Evidence
 
 OUTPUTS = ("trajectory.txt", "steps.csv")
+TRACK_HEADER = "# timestamp tx ty tz qx qy qz qw\n"
 
 
 class RunLog:
-    """Remembers each step, about 2 kB of it; reports of silence leave none."""
+    """Writes each step down as it comes, into a folder beside the one to make; ``close`` gives it its name.
 
-    def __init__(self, topo_map: TopoMap) -> None:
-        self._map = topo_map
-        self._steps: list[Step] = []
+    A run that is killed leaves that folder, ``.NAME.xxxxxxxx``, with every step until then. Reports of silence leave
+    nothing. After a clock was set back the times begin again, which a TUM trajectory does not allow but tools bear.
+
+    Args:
+        folder: to make: ``trajectory.txt`` and ``steps.csv``; nothing is there before the first step.
+        overwrite: replace the files of an earlier log.
+        topo_map: whose nodes are named.
+    """
+
+    def __init__(self, folder: Path, overwrite: bool, topo_map: TopoMap) -> None:
+        self.folder, self._overwrite, self._map = folder, overwrite, topo_map
+        self._open_folder = ExitStack()
+        self._files: list[TextIO] = []
+        self._problem = ""
 
     def add(self, report: LiveReport) -> None:
-        """Remember what a report says of a picture."""
-        if report.step is not None:
-            self._steps.append(_slim(report.step))
-
-    def write(self, folder: Path, overwrite: bool) -> None:
-        """Write ``trajectory.txt`` and ``steps.csv`` into a folder, whole or not at all.
-
-        After a clock was set back the times begin again, which a TUM trajectory does not allow but tools bear.
+        """Write down what a report says of a picture. A disk that is full ends the log, not the robot's run.
 
         Raises:
-            UserError: the folder holds something, or cannot be written.
+            UserError: the folder cannot be made.
         """
-        with new_folder(folder, overwrite, owned=OUTPUTS) as made:
-            poses = np.array([step.estimate.pose for step in self._steps]).reshape(-1, 3)
-            write_track(made / OUTPUTS[0], [step.timestamp for step in self._steps], poses)
-            write_steps(made / OUTPUTS[1], self._map, self._steps)
+        if report.step is None or self._problem:
+            return
+        self._open()
+        track, steps = self._files
+        try:
+            track.write(_track_line(report.step))
+            csv.writer(steps, lineterminator="\n").writerow(_cells(self._map, report.step))
+            track.flush()
+            steps.flush()
+        except OSError as error:
+            self._problem = f"the log ends at {report.timestamp:.3f} s ({reason(error)}); free some room"
+
+    def close(self) -> None:
+        """Finish the files, and give the folder its name.
+
+        Raises:
+            UserError: the folder cannot be made, or not all could be written.
+        """
+        self._open()
+        for file in self._files:
+            with suppress(*[OSError] if self._problem else []):
+                file.close()
+        self._open_folder.close()
+        if self._problem:
+            raise UserError(f"{self.folder}: {self._problem}")
+
+    def _open(self) -> None:
+        if self._files:
+            return
+        made = self._open_folder.enter_context(new_folder(self.folder, self._overwrite, owned=OUTPUTS))
+        self._files = [(made / name).open("w", encoding="utf-8", newline="") for name in OUTPUTS]
+        self._files[0].write(TRACK_HEADER)
+        csv.writer(self._files[1], lineterminator="\n").writerow(STEP_COLUMNS)
 
 
-def _slim(step: Step) -> Step:
-    """A step with no more evidence than is written of it: that at the estimated node. A day has a million steps."""
-    evidence, node = step.evidence, step.estimate.node
-    if evidence is None or node is None:
-        return replace(step, evidence=None)
-    here = evidence.nodes == node
-    parts = {item.name: getattr(evidence, item.name)[here] for item in fields(Evidence) if item.name != "log_floor"}
-    return replace(step, evidence=Evidence(**parts, log_floor=evidence.log_floor))
+def _track_line(step: Step) -> str:
+    """As ``topoloc.recording.write_track`` writes it."""
+    x, y, theta = step.estimate.pose
+    return f"{step.timestamp:.6f} {x:.6f} {y:.6f} 0 0 0 {np.sin(theta / 2):.9f} {np.cos(theta / 2):.9f}\n"

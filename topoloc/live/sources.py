@@ -18,9 +18,12 @@ from topoloc.live.camera import CameraFeed, Capture, open_camera
 from topoloc.live.engine import LiveLocalizer
 from topoloc.live.feeds import Feed
 from topoloc.live.messages import Message, Picture, beside, play, recorded
-from topoloc.recording import Recording
+from topoloc.recording import Recording, Track
 from topoloc.rig_file import Rig, read_rig
 from topoloc.topo_map import TopoMap
+
+REACH_S = 0.5
+"""Pictures of a video farther than this beyond its odometry have none [s]."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +35,16 @@ class Source:
         rig: of the camera, as far as it is told.
         kinds: of the pictures.
         messages: the same, where they can also be had as fast as they are worked on; None for a camera.
+        close: lets go of a video file, however far it was played; a camera's feed does so itself.
+        note: what is strange about it; empty where nothing is.
     """
 
     feed: Feed
     rig: Rig = field(default_factory=Rig)
     kinds: frozenset[str] = frozenset({"rgb"})
     messages: Iterator[Message] | None = None
+    close: Callable[[], None] = lambda: None
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -62,31 +69,38 @@ def of_camera(device: str, rig: Rig, opener: Callable[..., Capture] = open_camer
     return Source(CameraFeed(reopen(), reopen), rig)
 
 
-def of_video(path: Path, rig: Rig, odometry: Path | None = None) -> Source:
+def of_video(path: Path, rig: Rig, odometry: Path | None = None, offset_s: float = 0.0) -> Source:
     """A video file, its pictures stamped with the seconds since its first one.
 
     Args:
         path: of the file.
         rig: what is known of its camera.
-        odometry: CSV file of poses, its times counted from the same moment; see ``read_poses_csv``.
+        odometry: CSV file of poses; see ``read_poses_csv``.
+        offset_s: time of the video's first picture on the clock of that file [s].
 
     Raises:
         InputError: no such file, no video, no such columns, or no moment in common.
     """
+    read = None if odometry is None else read_poses_csv(odometry)
+    track = None if read is None else Track(read.times - offset_s, read.poses)
     video = Video(path)
-    track = None if odometry is None else read_poses_csv(odometry)
-    if odometry is not None and track is not None and not (track.times[0] <= video.seconds and track.times[-1] >= 0.0):
-        told = f"tells {track.times[0]:g} to {track.times[-1]:g} s, the video 0 to {video.seconds:.1f} s"
-        raise InputError(odometry, told, "write the times since the video's first picture")
-    messages = beside(_pictures(video), track)
-    return Source(_Played(messages), rig, messages=messages)
+    note = ""
+    if odometry is not None and track is not None:
+        end = "the end" if np.isnan(video.seconds) else f"{video.seconds:.1f} s"  # not every file tells it
+        told = f"tells {track.times[0]:g} to {track.times[-1]:g} s, the video 0 to {end}"
+        if track.times[0] > video.seconds or track.times[-1] < 0.0:
+            video.close()
+            raise InputError(odometry, told, "tell when the video begins on its clock, --offset-s")
+        if track.times[0] > REACH_S or track.times[-1] < video.seconds - REACH_S:
+            note = f"{odometry} {told}; pictures beyond have no odometry; if the clocks differ, add --offset-s"
+    messages = beside(_pictures(video), track, REACH_S)
+    return Source(_Played(messages), rig, messages=messages, close=video.close, note=note)
 
 
 def _pictures(video: Video) -> Iterator[Picture]:
     for time in video.times():
         frame = video.frame()
         yield Picture(time, b"" if frame is None else frame)
-    video.close()
 
 
 def of_recording(folder: Path, topo_map: TopoMap, with_odometry: bool = True) -> Source:

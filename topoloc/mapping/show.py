@@ -93,7 +93,8 @@ def draw_map_plan(axes: Axes, topo_map: TopoMap, shown: Ints) -> None:
     if topo_map.free:
         axes.add_collection(PolyCollection([*topo_map.free], facecolor="#F2F2F2", edgecolor="#D8D8D8", zorder=0))
     joined = places[np.asarray(topo_map.edges)]
-    axes.add_collection(LineCollection(list(joined), colors="#B0B0B0", linewidths=1.4, zorder=1))
+    label = "edge" if len(joined) else None
+    axes.add_collection(LineCollection(list(joined), colors="#B0B0B0", linewidths=1.4, label=label, zorder=1))
     _draw_views(axes, topo_map)
     few = len(places) <= LABELLED
     having = np.array([node.has_panorama for node in topo_map.nodes])
@@ -114,7 +115,7 @@ def draw_map_plan(axes: Axes, topo_map: TopoMap, shown: Ints) -> None:
     axes.grid(color="#EEEEEE", linewidth=0.6, zorder=-1)
     axes.set_axisbelow(True)
     axes.margins(0.08)
-    axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=4, frameon=False)
+    axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=5, frameon=False)
 
 
 def _draw_views(axes: Axes, topo_map: TopoMap) -> None:
@@ -134,9 +135,10 @@ def _draw_views(axes: Axes, topo_map: TopoMap) -> None:
         color=ESTIMATE,
         alpha=0.55,
         width=0.0016,
-        label="training view",
         zorder=3,
     )
+    arrow: Any = {"marker": r"$\rightarrow$", "markersize": 11, "color": ESTIMATE, "linestyle": ""}
+    axes.plot([], [], label="training view", **arrow)  # of a quiver the legend would show a box
     axes.update_datalim(poses[:, :2] + along)
 
 
@@ -177,9 +179,9 @@ def heading_ticks(heading: float, columns: int) -> tuple[Floats, list[int]]:
 
     Returns:
         Pixel coordinates (T,), whose whole numbers are the middles of columns, ascending, and headings (T,), degrees
-        counter-clockwise, 0 to 359.
+        counter-clockwise, above -180 to 180.
     """
-    degrees = np.arange(0, 360, TICK_DEG)
+    degrees = np.arange(TICK_DEG - 180, 181, TICK_DEG)
     half_a_column = 180.0 / columns  # so that an edge that is hardly past a heading has it on the left, not right
     clockwise = np.mod(np.rad2deg(heading) - degrees + half_a_column, 360.0) - half_a_column
     order = np.argsort(clockwise)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from topoloc import plugins
+from topoloc.checks.same_drive import ITS_OWN, from_this_recording
+from topoloc.errors import InputError
 from topoloc.geometry import Floats
 from topoloc.metrics import Metric
 from topoloc.odometry import OdometryNoise
@@ -147,13 +149,28 @@ def plan_of(
         seed: of the estimator's random numbers.
 
     Raises:
-        UserError: recordings without truth, too short, or without the images that the sensor needs; unknown names.
+        UserError: recordings without truth, too short, without the images that the sensor needs, or the one that the
+            map was built of; unknown names.
     """
     eye = plugins.make_sensor(sensor)
     parts = folds_of([recording.on(topo_map.camera) for recording in recordings], folds)
     refuse_blindness(eye, sensor, parts)
+    _refuse_own(topo_map, recordings)
     tunables = tunables_of(sensor, estimator, tries, with_odometry=fit_noise(parts).told)
     return Plan(topo_map, sensor, estimator, parts, tunables, score, seed)
+
+
+def _refuse_own(topo_map: TopoMap, recordings: Sequence[Recording]) -> None:
+    """On the frames that a map is made of, the defaults can hardly be wrong, and any setting looks as good."""
+    for recording in recordings:
+        share = from_this_recording(topo_map, recording)
+        if share > ITS_OWN:
+            raise InputError(
+                recording.folder,
+                f"the map was built of it ({share:.0%} of the map's pictures looked at are its frames), so that it "
+                "tells nothing of settings",
+                "record another drive through the same places, and tune on that",
+            )
 
 
 def _noises(fit: NoiseFit) -> dict[str, OdometryNoise]:

@@ -39,7 +39,7 @@ def found(monkeypatch: pytest.MonkeyPatch) -> FieldOfView:
         rng.uniform(-1, 1, (80, 2)), rng.uniform(-1, 1, (80, 2)), np.ones(80), np.zeros((80, 3)), np.arange(80) // 20
     )
     residuals = rng.normal(0.0, 0.01, (80, 2))
-    told = FieldOfView(61.987, 0.31, 4, 369.4, 1.0, 0.1, 0.93, True, 1.031, (320, 240), points, residuals)
+    told = FieldOfView(61.987, 0.31, 4, 369.4, 1.0, 0.1, 0.93, True, 1.031, (320, 240), points, residuals, 2, False)
     monkeypatch.setattr("topoloc.camera.field_of_view.estimate_field_of_view", lambda *_: told)
     return told
 
@@ -52,7 +52,8 @@ class TestTurn:
         out = capsys.readouterr().out
         assert "field of view: 61.99 degrees across (standard deviation 0.31)" in out
         assert "a full circle closed: true turns are 1.031 times the odometer's" in out
-        assert "3 % for each 0.1 m" in out
+        assert "full circles followed from picture to picture: 2; they are the measure" in out
+        assert "3 % for each 0.1 m. The standard deviation allows for 0.2 m" in out
         assert out.splitlines()[-1].startswith("next: add --write")
         told = tomllib.loads("\n".join(line for line in out.splitlines() if " = " in line))
         assert told == {"hfov_deg": 61.99, "width": 320, "height": 240}

@@ -76,8 +76,9 @@ def test_yuv_is_bright_where_y_is(encoding: str) -> None:
         (ros.Image(height=2, width=2, encoding="mono8", step=2, data=bytes(3)), "2x2 with 2 bytes a row, and 3 bytes"),
         (ros.Image(height=1, width=2, encoding="rgb8", step=2, data=bytes(6)), "mend its publisher"),
         (ros.Image(height=0, width=2, encoding="rgb8", step=6), "2x0"),
+        (ros.Image(height=2, width=3, encoding="yuv422", step=6, data=bytes(12)), "3x2 .*, in yuv422; mend"),
     ],
-    ids=["unknown encoding", "too few bytes", "rows too short", "no rows"],
+    ids=["unknown encoding", "too few bytes", "rows too short", "no rows", "half a pair of columns"],
 )
 def test_no_picture(message: ros.Image, says: str) -> None:
     with pytest.raises(UserError, match=says):

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from cyclonedds.core import DDSException
@@ -15,6 +16,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from oracles.loopback import DOMAIN, LOOPBACK, NAME, until
 
+from topoloc.dds import convert
 from topoloc.dds import messages as ros
 from topoloc.dds.names import Topics
 from topoloc.dds.node import DEFAULT, PUBLISHED, RosNode
@@ -104,6 +106,22 @@ def test_raw_pictures(beside: Beside) -> None:
     until(lambda: beside.sink.images and beside.node.heard.counts["unreadable"])
     assert np.array_equal(beside.sink.images[0][1], [[[3, 2, 1], [6, 5, 4]]])
     assert "'32FC1'" in beside.node.heard.problem
+
+
+@pytest.mark.parametrize("beside", [True], indirect=True)
+def test_whatever_decoding_raises_is_counted(beside: Beside, monkeypatch: pytest.MonkeyPatch) -> None:
+    def pixels(message: ros.Image) -> Image:
+        if message.width == 1:
+            raise cv2.error("no such picture")
+        return convert.pixels(message)
+
+    monkeypatch.setattr("topoloc.dds.node.pixels", pixels)
+    header = ros.Header(ros.Time(1))
+    for width in (1, 2):
+        beside.images.write(ros.Image(header, 1, width, "rgb8", 0, 3 * width, bytes(3 * width)))
+    until(lambda: beside.sink.images or not beside.thread.is_alive())
+    assert beside.thread.is_alive() and beside.node.heard.counts["unreadable"] == 1
+    assert beside.node.heard.problem == "no such picture"
 
 
 def test_who_else_is_there(beside: Beside) -> None:

@@ -14,9 +14,11 @@ from PIL import Image as Pictures
 
 from topoloc.cli import main
 from topoloc.cli.main import run
-from topoloc.importing.picture_times import name_time
+from topoloc.importing.name_times import name_times
 from topoloc.recording import Recording
 
+NOON = 1715524257.0
+"""2024-05-12 14:30:57 UTC [s since 1970]."""
 Shown = pytest.CaptureFixture[str]
 
 
@@ -71,6 +73,17 @@ class TestTimes:
             (["cam0_1700000000123.jpg", "cam0_1700000000323.jpg"], [1700000000.123, 1700000000.323]),
             (["1418381798086398.jpg", "1418381798148890.jpg"], [1418381798.086398, 1418381798.148890]),
             (["left-0.500_s.jpg", "left-0.750_s.jpg"], [0.5, 0.75]),
+            (["t0.9.jpg", "t0.95.jpg", "t1.2.jpg", "t10.05.jpg"], [0.9, 0.95, 1.2, 10.05]),
+            (["20240512143057.jpg", "20240512143100.jpg"], [NOON, NOON + 3.0]),
+            (["2024-05-12_14.30.57.jpg", "2024-05-12_14.30.58.jpg"], [NOON, NOON + 1.0]),
+            (["2024-05-12T14-30-57.25.jpg", "2024-05-12T14-30-58.jpg"], [NOON + 0.25, NOON + 1.0]),
+            (["PXL_20240512_143057123.jpg", "PXL_20240512_143059001.jpg"], [NOON + 0.123, NOON + 2.001]),
+            (["2024-05-12_14-30-57_500000.jpg", "2024-05-12_14-30-58_000001.jpg"], [NOON + 0.5, NOON + 1.000001]),
+            (["20240512_143057_1.jpg", "20240512_143057_2.jpg", "20240512_143058_1.jpg"], [NOON, NOON + 0.5, NOON + 1]),
+            (
+                ["run_20240512_143057_1700000000123.jpg", "run_20240512_143057_1700000000323.jpg"],
+                [1.7e9 + 0.123, 1.7e9 + 0.323],
+            ),
         ],
     )
     def test_in_the_names(self, names: list[str], expected: list[float], tmp_path: Path, capsys: Shown) -> None:
@@ -78,9 +91,25 @@ class TestTimes:
         np.testing.assert_allclose(times(recording), expected, rtol=0, atol=1e-6)
         assert f"times from the files' names, such as {names[0]}" in capsys.readouterr().out
 
-    @pytest.mark.parametrize("name", ["000123.jpg", "IMG_2024.jpg", "20240501_123000.jpg", "0000000012.png", "a.jpg"])
-    def test_numbers_of_pictures_are_no_times(self, name: str) -> None:
-        assert name_time(Path(name)) is None
+    @pytest.mark.parametrize(
+        "stems",
+        [
+            ["000123", "000124"],
+            ["IMG_2024", "IMG_2025"],
+            ["20240501", "20240502"],
+            ["0000000012", "0000000013"],
+            ["a", "b"],
+            ["cam_v1.2_57", "cam_v1.2_58"],
+            ["v1.3_57", "v1.2_58", "v1.1_59"],
+            ["202405121430", "202405121431"],  # to the minute; as milliseconds it would be 1976
+            ["20240512143077", "20240512143078"],  # no such second; as milliseconds it would be 2611
+            ["99990512143057", "99990512143058"],
+            ["run_20240512_143057_000001", "run_20240512_143057_000002"],
+            ["cam_1234567890_1", "cam_1234567890_2"],
+        ],
+    )
+    def test_other_numbers_are_no_times(self, stems: list[str]) -> None:
+        assert name_times(stems) is None
 
     @given(seconds=st.floats(1e9 + 1, 3e9), unit=st.sampled_from(["s", "ms", "us", "ns"]))
     def test_any_clock_since_1970(self, seconds: float, unit: str) -> None:
@@ -88,8 +117,8 @@ class TestTimes:
             "s": f"{seconds:.6f}",
             **{u: str(int(seconds * s)) for u, s in (("ms", 1e3), ("us", 1e6), ("ns", 1e9))},
         }
-        read = name_time(Path(f"cam1_{counted[unit]}.png"))
-        assert read is not None and abs(read - seconds) <= 1.1e-3
+        read = name_times([f"cam1_{counted[unit]}"])
+        assert read is not None and read.times[0] is not None and abs(read.times[0] - seconds) <= 1.1e-3
 
     def test_a_steady_rate_in_the_order_of_the_numbers(self, tmp_path: Path, capsys: Shown) -> None:
         folder = folder_of(tmp_path / "pics", ["f10.jpg", "f9.jpg", "f2.jpg"])
@@ -195,6 +224,8 @@ class TestMistakes:
             ("time_s,size\n1,3\n", "t.csv: has no column 'file'; "),
             ("file,time_s\n1.jpg,soon\n", "t.csv, line 2: column 'time_s': 'soon' is not a finite number; "),
             ("file,t_m\n1.jpg,2\n", "t.csv: the column 't_m' is in 'm'; "),
+            ("file,time\n1.jpg,0\n2.jpg,200\n", "t.csv: column 'time' has no unit, and steps by 200; name it time_ms"),
+            ("file,time\n1.jpg,7\n2.jpg,5\n", "t.csv: column 'time' has no unit, and steps by 2; name it time_ms"),
         ],
     )
     def test_lists(self, text: str, expected: str, tmp_path: Path, capsys: Shown) -> None:

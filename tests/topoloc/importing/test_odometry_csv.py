@@ -185,6 +185,10 @@ BAD = {
     "a short row": (GOOD.replace("1,2,2,90", "1,2"), r"line 3: 2 cells for 4 columns; "),
     "back in time": (GOOD + "0.5,2,2,90\n", r"line 4: column 'time_s': 0\.5 is before the line above; sort"),
     "unlabelled milliseconds": ("t,x,y,yaw_deg\n0,1,2,90\n50,2,2,90\n", r"'t' has no unit, and steps by 50; .*t.*_ms"),
+    "unlabelled milliseconds at 500 Hz": (
+        "t,x,y,yaw_deg\n0,1,2,90\n2,2,2,90\n",
+        r"'t' has no unit, and steps by 2; .*_ms",
+    ),
     "twice the same": (GOOD.replace("y_m", "x_mm"), r"'x_m' and 'x_mm' both tell the x; "),
     "no time": (GOOD.replace("time_s", "row"), r"no column tells the time; "),
     "no heading": (GOOD.replace("heading_deg", "battery"), r"no column tells the heading; add heading_deg"),
@@ -195,7 +199,7 @@ BAD = {
     "no rows": ("time_s,x_m,y_m,heading_deg\n", r"holds no rows; "),
     "empty": ("", r"holds no rows; "),
     "zero quaternion": ("t,x,y,qx,qy,qz,qw\n0,1,2,0,0,0,0\n", r"line 2: the quaternion is zero; "),
-    "wheels without a base": ("t,left_m,right_m\n0,1,1\n1,1,1\n", r"tells what wheels moved; give --wheel-base-m"),
+    "wheels without a base": ("time_s,left_m,right_m\n0,1,1\n1,1,1\n", r"tells what wheels moved; give --wheel-base-m"),
     "ticks without a scale": (
         "t,left_ticks,right_ticks\n0,1,1\n",
         r"'left_ticks' counts ticks; give --ticks-per-metre",
@@ -222,6 +226,16 @@ def test_a_table_in_utf_16_is_named(tmp_path: Path) -> None:
     (tmp_path / "drive.csv").write_text(GOOD, encoding="utf-16")
     with pytest.raises(InputError, match=r"drive\.csv: is not a text file in UTF-8; export"):
         read_poses_csv(tmp_path / "drive.csv")
+
+
+@pytest.mark.parametrize(
+    ("times", "clock"),
+    [(["0", "0.5", "1"], "s"), (["1700000000", "1700000001"], "s"), (["1700000000000", "1700000000002"], "ms")],
+)
+def test_a_clock_that_is_clear_needs_no_unit(times: list[str], clock: str, tmp_path: Path) -> None:
+    rows = "".join(f"{time},1,2,90\n" for time in times)
+    (tmp_path / "drive.csv").write_text(f"time,x_m,y_m,heading_deg\n{rows}")
+    assert read_poses_csv(tmp_path / "drive.csv").clock == clock
 
 
 @pytest.mark.parametrize("wheels", [{"base_m": 0.0}, {"ticks_per_metre": -1.0}, {"base_m": float("nan")}])

@@ -17,6 +17,7 @@ from topoloc.cli.main import run
 from topoloc.cli.score import score
 from topoloc.errors import InputError, UserError
 from topoloc.importing.public import cold_splits, idol2_splits, robotcar_splits
+from topoloc.importing.public.answers import Answers
 from topoloc.importing.public.room_rate import node_rooms, pose_errors, room_rate
 from topoloc.importing.public.splits import Split, find, pairs_of
 from topoloc.recording import Recording
@@ -161,14 +162,16 @@ class TestASplitOnADisk:
         pair = freiburg / NIGHT
         words = ["localize", str(pair / "map"), str(pair / "recording"), "-o", str(tmp_path / "run")]
         assert run([*words, "--sensor", "pca", "--estimator", "particle"]) == 0
-        rate = room_rate(tmp_path / "run/steps.csv", pair / "recording", pair / "node_rooms.csv")
+        answers = Answers.read(tmp_path / "run/steps.csv", pair / "recording")
+        rate = room_rate(answers, pair / "node_rooms.csv")
         assert rate is not None and rate.pictures == 2 * STEPS and rate.rate > 0.7
         assert sum(pictures for pictures, _ in rate.by_room.values()) == rate.pictures
-        errors = pose_errors(tmp_path / "run/steps.csv", pair / "recording")
+        errors = pose_errors(answers)
         assert errors is not None and np.median(errors.metres) < 0.3 and np.median(errors.degrees) < 20.0
         capsys.readouterr()
         score(tmp_path / "run", pair)
         told = capsys.readouterr().out
+        assert re.search(rf"without a step\W+0\W+frames of {2 * STEPS}", told)
         assert "right rooms" in told and "position, mean" in told and "TripletNetworks" in told
 
     def test_a_map_of_two_traversals(self, tmp_path: Path) -> None:
@@ -213,32 +216,46 @@ class TestScores:
         frames = [0, 1, 2, 3, STEPS, STEPS + 1, STEPS + 2, STEPS + 3]
         times = times_of(2 * STEPS)[frames]
         rows = [f"{time:.6f},0,0,0,{node},0.9,LOCALIZED,,step" for time, node in zip(times, named, strict=True)]
-        rows.append(f"{times[0] + 100.0:.6f},0,0,0,A,0.9,LOCALIZED,,step")
-        rate = room_rate(self.steps(tmp_path / "run", rows), recording, tmp_path / "node_rooms.csv")
-        assert rate is not None
-        assert (rate.pictures, rate.named, rate.right) == (8, 7, 5)
-        assert rate.by_room == {"CR-A": (4, 2), "2PO1-A": (4, 3)} and rate.rate == 5 / 8
+        answers = Answers.read(self.steps(tmp_path / "run", rows), recording)
+        rate = room_rate(answers, tmp_path / "node_rooms.csv")
+        assert rate is not None and answers.missing == 2 * STEPS - 8
+        assert (rate.pictures, rate.named, rate.right) == (2 * STEPS, 7, 5)
+        assert rate.by_room == {"CR-A": (STEPS, 2), "2PO1-A": (STEPS, 3)} and rate.rate == 5 / (2 * STEPS)
 
     def test_errors(self, recording: Path, tmp_path: Path) -> None:
         rows = []
         for time, (x, y, angle) in zip(times_of(2 * STEPS), way(), strict=True):
             rows.append(f"{time:.6f},{x + 3.0:.4f},{y - 4.0:.4f},{np.rad2deg(angle) - 350.0:.3f},A,0.9,LOCALIZED,,step")
-        errors = pose_errors(self.steps(tmp_path / "run", rows), recording)
+        errors = pose_errors(Answers.read(self.steps(tmp_path / "run", rows), recording))
         assert errors is not None
         np.testing.assert_allclose(errors.metres, 5.0, atol=1e-3)
         np.testing.assert_allclose(errors.degrees, 10.0, atol=0.01)
         assert errors.within(4.9) == 0.0 and errors.within(5.1) == 1.0
 
-    def test_a_run_of_another_drive_is_refused(self, recording: Path, tmp_path: Path) -> None:
-        steps = self.steps(tmp_path / "run", ["1.0,0,0,0,A,0.9,LOCALIZED,,step"])
-        with pytest.raises(InputError, match="no step is at a time of"):
-            room_rate(steps, recording, tmp_path / "node_rooms.csv")
+    def test_a_frame_without_a_step_is_within_no_distance(self, recording: Path, tmp_path: Path) -> None:
+        time, (x, y, _) = times_of(2 * STEPS)[5], way()[5]
+        steps = self.steps(tmp_path / "run", [f"{time:.6f},{x:.4f},{y:.4f},0,A,0.9,LOCALIZED,,step"])
+        errors = pose_errors(Answers.read(steps, recording))
+        assert errors is not None and len(errors.metres) == 1 and errors.missing == 2 * STEPS - 1
+        assert errors.within(25.0) == pytest.approx(1 / (2 * STEPS))
+
+    @pytest.mark.parametrize("off_s", [-0.05, 100.0])
+    def test_a_run_of_another_drive_is_refused(self, recording: Path, tmp_path: Path, off_s: float) -> None:
+        first, second = times_of(2 * STEPS)[[0, 1]]
+        rows = [f"{time:.6f},0,0,0,A,0.9,LOCALIZED,,step" for time in (first, second + off_s)]
+        with pytest.raises(InputError, match=r"1 of 2 steps are at no time of .*rgb.txt; name the run of this"):
+            Answers.read(self.steps(tmp_path / "run", rows), recording)
+
+    def test_a_run_without_steps_is_refused(self, recording: Path, tmp_path: Path) -> None:
+        with pytest.raises(InputError, match="holds no steps"):
+            Answers.read(self.steps(tmp_path / "run", []), recording)
 
     def test_without_rooms_there_is_no_rate(self, recording: Path, tmp_path: Path) -> None:
-        steps = self.steps(tmp_path / "run", ["1.0,0,0,0,A,0.9,LOCALIZED,,step"])
-        assert room_rate(steps, recording, tmp_path / "none.csv") is None
+        row = f"{times_of(1)[0]:.6f},0,0,0,A,0.9,LOCALIZED,,step"
+        answers = Answers.read(self.steps(tmp_path / "run", [row]), recording)
+        assert room_rate(answers, tmp_path / "none.csv") is None
         (recording / "rooms.csv").unlink()
-        assert room_rate(steps, recording, tmp_path / "node_rooms.csv") is None
+        assert room_rate(answers, tmp_path / "node_rooms.csv") is None
 
     def test_a_folder_that_is_no_pair(self, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="name the folder of a pair"):

@@ -44,6 +44,18 @@ def test_encoded_pictures_are_kept_to_the_byte(tmp_path: Path) -> None:
     assert not (tmp_path / "camera.toml").exists()
 
 
+def test_what_is_withdrawn_is_gone_and_told(tmp_path: Path) -> None:
+    sink = RecordingSink(tmp_path)
+    names = [sink.picture("rgb", float(i), PICTURE + np.uint8(i)) for i in range(3)]
+    assert names[1] is not None
+    sink.withdraw("rgb", {names[1]}, "is not 16x12 as most are")
+    sink.picture("rgb", 3.0, PICTURE + np.uint8(3))
+    imported = sink.close()
+    assert [int(frame.images["rgb"][0, 0, 0]) for frame in Recording.load(tmp_path)] == [90, 92, 93]
+    assert len(list((tmp_path / "rgb").iterdir())) == 3
+    assert imported.dropped == {("rgb picture", "is not 16x12 as most are"): 1}
+
+
 def test_what_is_lost_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sink = RecordingSink(tmp_path)
     for time in (1.0, 2.0, 2.0, float("nan")):

@@ -108,8 +108,12 @@ class TestAsItIs:
         assert set(recording.frame(picture).images) == {"rgb", "depth"}
         np.testing.assert_allclose(recording.truth.at(picture.time), drive()[20], atol=2e-3)
 
-    def test_it_is_checked(self, small: Path) -> None:
-        assert run(["check", str(small)]) in (0, 1)
+    def test_it_is_checked(self, small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run(["check", str(small)]) == 1
+        found = [line for line in capsys.readouterr().out.splitlines() if line.startswith("- ")]
+        assert len(found) == 2, "its pictures, their times and the truth are in order"
+        assert found[0].startswith("- warning: ") and "there is no odometry.txt" in found[0]
+        assert found[1].startswith("- note: ") and "nobody tells the field of view" in found[1]
 
     def test_a_map_is_built_of_it_and_it_is_localized(self, small: Path, tmp_path: Path) -> None:
         assert run(["map", "build", str(small), "-o", str(tmp_path / "map"), "--hfov-deg", "62"]) == 0
@@ -229,6 +233,16 @@ class TestMistakes:
         rewrite("groundtruth.txt", " 0.9000 ", " high ")(folder)
         assert run(["import", "tum", str(folder), "-o", str(tmp_path / "rec")]) == 2
         assert "groundtruth.txt, line 4: 'high' is not a finite number" in capsys.readouterr().err
+
+    def test_commas_between_the_numbers_of_the_truth(self, full: Path, tmp_path: Path) -> None:
+        """``Recording.load`` reads them, too."""
+        folder = tmp_path / full.name
+        shutil.copytree(full, folder)
+        lines = (folder / "groundtruth.txt").read_text().splitlines()
+        (folder / "groundtruth.txt").write_text("\n".join([*lines[:3], *(",".join(one.split()) for one in lines[3:])]))
+        written, wanted = read_sequence(folder).truth, read_sequence(full).truth
+        assert written is not None and wanted is not None
+        np.testing.assert_array_equal(written.poses, wanted.poses)
 
     def test_an_impossible_stretch(self, full: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         words = ["import", "tum", str(full), "-o", str(tmp_path / "rec"), "--start", "3", "--end", "2"]

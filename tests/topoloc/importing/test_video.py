@@ -287,8 +287,25 @@ class TestMistakes:
         (tmp_path / "rec").mkdir()
         (tmp_path / "rec" / "odometry.txt").write_text("1 0 0 0 0 0 0 1\n")
         assert run(["import", "video", str(mp4), "-o", str(tmp_path / "rec")]) == 2
+        for name in ("pan.txt", "omni.txt", "groundtruth.txt", "camera.toml", "rooms.csv", "origin.toml"):
+            (tmp_path / "rec" / name).write_text("0 90\n")
+        (tmp_path / "rec" / "notes.txt").write_text("mine")
         assert run(["import", "video", str(mp4), "-o", str(tmp_path / "rec"), "--overwrite"]) == 0
-        assert Recording.load(tmp_path / "rec").odometry is None, "that of the earlier recording is gone"
+        left = {path.name for path in (tmp_path / "rec").iterdir()}
+        assert left == {"rgb", "rgb.txt", "notes.txt"}, "what belongs to the earlier recording is gone"
+
+
+def test_the_file_is_let_go_of_on_a_mistake(mp4: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    closed = 0
+
+    def close(video: Video) -> None:
+        nonlocal closed
+        closed += 1
+
+    monkeypatch.setattr(Video, "close", close)
+    csv = odometry(tmp_path / "o.csv", 1700000000.0)
+    assert run(["import", "video", str(mp4), "--odometry", str(csv), "-o", str(tmp_path / "rec")]) == 2
+    assert closed == 1
 
 
 def test_how_often() -> None:

@@ -249,6 +249,40 @@ class TestSilence:
         assert (back.status, back.why, back.node_id) == (Status.LOCALIZED, "", "N3")
         assert live.work(5.9) is None, "silence is counted from the last picture"
 
+    def test_it_rides_on_longer_than_readings_are_kept(self) -> None:
+        live = made(LiveConfig(odometry_keep_s=5.0))
+        drive(live, [1])
+        found = []
+        for second in range(1, 21):
+            live.on_odometry(float(second), pose(1.0 + 0.1 * second))
+            report = live.work(float(second))
+            found += [] if report is None else [(report.estimate.pose[0], report.belief.poses[0, 0])]
+        assert found == [pytest.approx((1.0 + 0.1 * second,) * 2) for second in range(2, 21)]
+        live.on_odometry(21.0, pose(3.1))
+        live.on_image(21.0, at_node(3))
+        assert said(live, 21.0).estimate.pose == pytest.approx([3.0, 0.0, 0.0]), "as the picture says"
+
+    def test_a_picture_within_the_gate_after_it_is_not_moved_twice(self) -> None:
+        live = made()
+        drive(live, [1])
+        for second in (3.0, 4.0):
+            live.on_odometry(second, pose(1.2))
+            assert said(live, second).belief.poses[0] == pytest.approx([1.2, 0.0, 0.0])
+        live.on_odometry(5.0, pose(1.25))
+        live.on_image(5.0, at_node(1))
+        report = said(live, 5.0)
+        assert report.step is not None and report.step.kind == "gated"
+        assert report.belief.poses[0] == pytest.approx([1.25, 0.0, 0.0])
+        live.on_odometry(8.0, pose(1.3))
+        assert said(live, 8.0).belief.poses[0] == pytest.approx([1.3, 0.0, 0.0])
+
+    def test_a_jump_of_the_odometer_is_left_out_and_what_follows_counts(self) -> None:
+        live = made()
+        drive(live, [1])
+        for second, x, wanted in ((3.0, 1.5, 1.5), (4.0, 50.0, 1.5), (5.0, 50.4, 1.9)):
+            live.on_odometry(second, pose(x))
+            assert said(live, second).estimate.pose[0] == pytest.approx(wanted)
+
     def test_no_picture_ever(self) -> None:
         live = made()
         assert live.work(100.0) is None

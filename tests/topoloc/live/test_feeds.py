@@ -150,13 +150,37 @@ class TestLines:
                 "3 28.64788975654116 200 12 1.5",
                 "3 -57.29577951308232 200 12 2.5",
             ],
+            ["Time (s);x [m];y [m];heading [rad]", "1.5;2;3;0.5", "2.5;2;3;-1"],
+            ["t_s,battery_v,x,y,theta_rad", "1.5,,2,3,0.5", "2.5,,2,3,-1"],
+            ["# my driver", "# time_ms,x_mm,y_m,heading_rad", "1500,2000,3,0.5", "2500,2000,3,-1"],
+            ["# my driver, in metres", "1.5 2 3 0.5", "2.5 2 3 -1"],
         ],
-        ids=["blanks", "commas", "names", "names in another order"],
+        ids=[
+            "blanks",
+            "commas",
+            "names",
+            "names in another order",
+            "brackets",
+            "an empty cell, and units by default",
+            "names in a comment",
+            "a comment without names",
+        ],
     )
     def test_ways_to_write_them(self, lines: list[str]) -> None:
         listener = Listener()
         LineFeed(lines)(listener.live, threading.Event())
         assert np.array(listener.readings) == pytest.approx(np.array([[1.5, 2, 3, 0.5], [2.5, 2, 3, -1]]))
+
+    def test_a_clock_without_a_unit_shows_it_by_its_size(self) -> None:
+        listener = Listener()
+        lines = ["time,x_m,y_m,heading_rad", "nan,0,0,0", "1700000000500,1,0,0", "1700000001000,1,0,0"]
+        LineFeed(lines)(listener.live, threading.Event())
+        assert [reading[0] for reading in listener.readings[1:]] == [1_700_000_000.5, 1_700_000_001.0]
+
+    def test_decimal_commas_are_no_readings(self) -> None:
+        listener = Listener()
+        LineFeed(["time_s,x_m,y_m,heading_rad", "1,5,2,3,0,5"])(listener.live, threading.Event())
+        assert np.isnan(listener.readings[0]).all()
 
     @pytest.mark.parametrize(
         ("line", "says"),

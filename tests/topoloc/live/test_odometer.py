@@ -166,6 +166,10 @@ class TestClock:
         assert tally.counts().jumps == 0 and tally.counts().odometry_late == 6
         assert odometer.at(13.0).pose is not None
 
+    def test_a_stamp_that_sticks_fills_no_memory(self) -> None:
+        odometer, tally = made((100.0, 0, 0, 0), *[(50.0, 0, 0, 0)] * 50)
+        assert len(odometer._behind) <= 3 and tally.counts().odometry_late == 50
+
     def test_one_stamp_from_the_future_is_got_over(self) -> None:
         odometer, _ = made((0.0, 0, 0, 0), (1e9, 0.1, 0, 0), *[(0.1 * i, 0.1 * i, 0, 0) for i in range(1, 6)])
         assert odometer.at(0.5).raw is not None

@@ -23,7 +23,9 @@ from topoloc.cli.main import run
 from topoloc.cli.run import run as command
 from topoloc.errors import UserError
 from topoloc.geometry import compose
+from topoloc.importing.video import Video
 from topoloc.live.report import LiveReport
+from topoloc.live.run_log import RunLog
 from topoloc.recording_folder import RecordingWriter
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Frame, Image
@@ -158,6 +160,59 @@ def test_what_ends_it_leaves_belief_and_log(
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
+class TestLog:
+    def test_without_it_no_step_is_kept(self, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def kept(*_: object) -> None:
+            pytest.fail("nobody asked for a log")
+
+        monkeypatch.setattr(RunLog, "add", kept)
+        assert run(recorded(place, "--fast")) == 0
+
+    def test_it_is_on_the_disk_as_it_goes(self, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        found = []
+
+        def lines(report: LiveReport) -> bool:
+            (steps,) = place.glob(".log.*/steps.csv")
+            found.append(len(steps.read_text().splitlines()))
+            return False
+
+        interrupting(monkeypatch, signal.SIGINT, lines)
+        assert run(recorded(place, "--json", "--fast", "--log", str(place / "log"))) == 0
+        assert found == list(range(2, 9)) and not list(place.glob(".log.*"))
+
+    def test_a_closed_pipe_does_not_cost_it(self, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def broken(*_: object) -> str:
+            raise BrokenPipeError
+
+        monkeypatch.setattr("topoloc.live.lines.as_json", broken)
+        monkeypatch.setattr("topoloc.live.lines.summary", broken)
+        words = recorded(place, "--json", "--fast", "--log", str(place / "log"))
+        app = App(result_action="return_value")
+        app.default(command)
+        with pytest.raises(BrokenPipeError):
+            app(words[1:], exit_on_error=False)
+        assert len((place / "log" / "steps.csv").read_text().splitlines()) == 2
+
+    @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+    def test_a_full_disk_ends_the_log_and_not_the_run(
+        self, place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        add, logged = RunLog.add, []
+
+        def full_at_the_third(log: RunLog, report: LiveReport) -> None:
+            logged.append(report)
+            if len(logged) == 3:
+                log._files[1].close()
+                log._files[1] = Path("/dev/full").open("w")  # noqa: SIM115 - the log closes it
+            add(log, report)
+
+        monkeypatch.setattr(RunLog, "add", full_at_the_third)
+        assert run(recorded(place, "--json", "--fast", "--log", str(place / "log"))) == 2
+        out, err = capfd.readouterr()
+        assert len(reports(out)) == 7 and "the log ends at 12.000 s (No space left on device)" in err
+        assert len((place / "log" / "steps.csv").read_text().splitlines()) == 3
+
+
 class TestState:
     def killed(self, place: Path, after: str) -> None:
         """Run in another process, until it names a node; kill it in the middle of the drive, without a warning."""
@@ -237,6 +292,53 @@ class TestVideo:
         assert run(live(place, *words)) == 0
         turned = view("U", 0)[1][2] - np.pi / 2
         assert reports(capsys.readouterr().out)[0]["heading_deg"] == pytest.approx(np.rad2deg(turned), abs=3.0)
+
+    def test_one_that_does_not_tell_how_long_it_is(self, video: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        place = video.parent
+        pictures = [cv2.imencode(".jpg", view(name, number)[0])[1] for name, number in zip(DRIVE, VIEWS, strict=True)]
+        (place / "drive.mjpeg").write_bytes(b"".join(picture.tobytes() for picture in pictures))
+        words = ["--video", str(place / "drive.mjpeg"), "--fast", "--json", "--odometry"]
+        assert run(live(place, *words, str(place / "odometry.csv"))) == 0
+        assert reports(capsys.readouterr().out)[-1]["counts"]["used"] == 7
+        (place / "before.csv").write_text("time_s,x_m,y_m,heading_deg\n-9,0,0,0\n-8,0,0,0\n")
+        assert run(live(place, *words, str(place / "before.csv"))) == 2
+        assert "before.csv: tells -9 to -8 s, the video 0 to the end; tell when" in capsys.readouterr().err
+
+    def test_odometry_that_begins_later_is_no_standing_still(
+        self, video: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        """Pictures before it have no odometry, and that is said; with the offset all have it."""
+        table = (video.parent / "odometry.csv").read_text().splitlines()
+        later = [",".join([str(float(row.split(",")[0]) + 3.0), *row.split(",")[1:]]) for row in table[1:]]
+        (video.parent / "later.csv").write_text("\n".join([table[0], *later]))
+        words = ["--video", str(video), "--fast", "--json", "--odometry", str(video.parent / "later.csv")]
+        assert run(live(video.parent, *words)) == 0
+        said = capsys.readouterr()
+        assert "if the clocks differ, add --offset-s" in said.err
+        assert reports(said.out)[0]["counts"]["odometry"] == 0
+        assert run(live(video.parent, *words, "--offset-s", "3.0")) == 0
+        said = capsys.readouterr()
+        assert "warning" not in said.err and reports(said.out)[0]["counts"]["odometry"] > 0
+
+    @pytest.mark.parametrize("how", ["at its end", "a signal", "no such sensor", "no moment in common"])
+    def test_it_is_closed_whatever_happens(self, how: str, video: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        opened: list[Video] = []
+        begin = Video.__init__
+
+        def opening(self: Video, path: Path) -> None:
+            begin(self, path)
+            opened.append(self)
+
+        monkeypatch.setattr(Video, "__init__", opening)
+        if how == "a signal":
+            interrupting(monkeypatch, signal.SIGINT, lambda report: report.counts.used == 2)
+        table = video.parent / "odometry.csv"
+        if how == "no moment in common":
+            table.write_text("time_s,x_m,y_m,heading_deg\n900,0,0,0\n901,0,0,0\n")
+        words = ["--video", str(video), "--odometry", str(table), "--fast", "--json"]
+        code = run(live(video.parent, *words, *(["--sensor", "nosuch"] if how == "no such sensor" else [])))
+        assert code == {"at its end": 0, "a signal": 130}.get(how, 2)
+        assert opened and not any(one._capture.isOpened() for one in opened)
 
 
 class FakeCamera:

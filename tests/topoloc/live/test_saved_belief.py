@@ -91,6 +91,17 @@ class TestFile:
         with pytest.raises(InputError, match="is no belief that topoloc saved; delete it"):
             load(path, THE_MAP)
 
+    @pytest.mark.parametrize("variance", [np.nan, np.inf, -0.01])
+    def test_a_spread_that_is_none_is_refused(self, variance: float, tmp_path: Path) -> None:
+        save(tmp_path / "b", SAVED, THE_MAP)
+        with np.load(tmp_path / "b") as table:
+            parts = dict(table)
+        parts["spread"] = np.array([0.1, variance, 0.1])
+        with (tmp_path / "b").open("wb") as file:
+            np.savez(file, **parts)
+        with pytest.raises(InputError, match="is no belief that topoloc saved; delete it"):
+            load(tmp_path / "b", THE_MAP)
+
     def test_a_folder_is_told_too(self, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="cannot be read"):
             load(tmp_path, THE_MAP)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import shlex
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -169,7 +171,9 @@ class TestMap:
     def test_a_turn_that_ends_short_has_no_panorama(self, tmp_path: Path) -> None:
         built = build_map(Recording.load(record(tmp_path / "r", drive(turn_deg=260.0))), BuildConfig())
         assert not any(node.has_panorama for node in built.topo_map.nodes)
-        assert len(built.notes) == 3 and "60 degrees of the circle were not seen" in built.notes[0]
+        assert len(built.notes) == 3 and built.notes[0].startswith(
+            "node N0, pictures 000000.png to 000012.png: no panorama: 60 degrees"
+        )
 
     def test_a_little_that_is_missing_stays_black(self, tmp_path: Path) -> None:
         built = build_map(
@@ -186,8 +190,16 @@ class TestMap:
             files[a].write_bytes(other)
             files[b].write_bytes(one)
         built = build_map(Recording.load(folder), BuildConfig(panoramas="circle"))
-        assert "its frames stand where the poses say, since" in built.notes[0]
+        assert "its frames stand where the poses say, since by what it shows 0000" in built.notes[0]
+        assert built.notes[0].startswith("node N0, pictures 000000.png to 000016.png: ")
         assert built.topo_map.nodes[0].has_panorama
+
+    def test_a_wrong_field_of_view_is_told_once(self, turning: Path) -> None:
+        """The camera that is told as 60 degrees wide is taken for one of 40: no turn closes."""
+        recording = replace(Recording.load(turning), camera=Camera(40.0, 64, 48))
+        [note] = build_map(recording, BuildConfig(panoramas="circle")).notes
+        assert note.startswith("at 3 of 3 turns (nodes N0, N2, N4) ")
+        assert f"is hfov_deg right? 'topoloc camera turn {turning}' measures it" in note
 
     def test_stereo_pairs_come_along(self, tmp_path: Path) -> None:
         writer = RecordingWriter(tmp_path / "r", CAMERA, baseline_m=0.1)
@@ -249,7 +261,7 @@ class TestLeftOut:
         folder = record(tmp_path / "r", drive(step_deg=40.0))
         write_image(sorted((folder / "rgb").iterdir())[3], np.full((48, 64, 3), 7, dtype=np.uint8))
         built = build_map(Recording.load(folder), BuildConfig())
-        assert "20 degrees stay black" in built.notes[0]
+        assert "20 degrees of its panorama stay black" in built.notes[0]
 
 
 class TestCommand:
@@ -258,7 +270,20 @@ class TestCommand:
         told = capsys.readouterr().out
         assert "3 nodes, 3 with panoramas, 2 edges" in told and "ground truth" in told
         assert "camera: 64x48, 60 degrees wide" in told
-        assert f"next: topoloc map show {tmp_path / 'map'}" in told
+        assert f"next: topoloc map show {tmp_path / 'map'}" in told and "the odometry's" not in told
+
+    def test_what_to_type_next_may_be_copied(
+        self, passing: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        out = tmp_path / "my map"
+        assert run(["map", "build", str(passing), "-o", str(out), "--poses", "odometry"]) == 0
+        frame, *steps = capsys.readouterr().out.splitlines()[-4:]
+        assert frame.startswith("the map's frame is the odometry's: metrics of recordings with ground truth in another")
+        assert [shlex.split(step)[1:5] for step in steps] == [
+            ["topoloc", "map", "show", str(out)],
+            ["topoloc", "check", str(out)],
+            ["topoloc", "localize", str(out), "ANOTHER_RECORDING"],
+        ]
 
     @pytest.mark.parametrize(
         "sensor", ["ima", *(pytest.param(name, marks=pytest.mark.slow) for name in ("local", "pca", "histogram"))]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.lines import Line2D
 
 from topoloc.cli.main import run
 from topoloc.files import read_image
@@ -34,6 +35,7 @@ def small_map(nodes: int = 4, **more: Any) -> TopoMap:
 def test_headings_stand_above_the_columns_that_look_there(heading: float, columns: int) -> None:
     at, degrees = heading_ticks(heading, columns)
     assert (np.diff(at) > 0.0).all() and len(degrees) == 8
+    assert min(degrees) > -180 and max(degrees) == 180, "as headings are told everywhere else"
     looks = heading - (at + 0.5) / columns * 2.0 * np.pi
     assert wrap(looks - np.deg2rad(degrees)) == pytest.approx(np.zeros(8), abs=1e-9)
     assert at.min() >= -1.0 - 1e-6 and at.max() <= columns
@@ -52,8 +54,10 @@ class TestDrawing:
         legend = plan.get_legend()
         assert legend is not None
         labels = [text.get_text() for text in legend.get_texts()]
-        assert labels == ["training view", "node with a panorama", "left edge of the panorama"]
+        assert labels == ["edge", "training view", "node with a panorama", "left edge of the panorama"]
         assert "4 nodes, 2 edges, 4 panoramas, 1 views" in plan.get_title()
+        arrow = legend.legend_handles[1]
+        assert isinstance(arrow, Line2D) and "arrow" in str(arrow.get_marker()), "as it is drawn in the plan"
         assert [axes.get_ylabel() for axes in strips] == ["P0\nplace_0", "P1\nplace_1"]
 
     def test_a_single_node(self) -> None:
@@ -77,12 +81,12 @@ def saved(tmp_path: Path) -> Path:
 
 
 class TestCommand:
-    def test_beside_the_map_and_what_is_left_out(self, saved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_into_the_map_and_what_is_left_out(self, saved: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert run(["map", "show", str(saved)]) == 0
         told = capsys.readouterr().out
-        assert f"{saved}.png: 9 nodes, 8 of 9 panoramas" in told
+        assert f"{saved / 'show.png'}: 9 nodes, 8 of 9 panoramas" in told
         assert "the others: --panoramas 9, or by id, as --nodes P8" in told
-        assert read_image(saved.with_name("map.png")).shape[1] > 500
+        assert read_image(saved / "show.png").shape[1] > 500
         assert run(["map", "show", str(saved)]) == 2, "nothing is overwritten silently"
 
     def test_nodes_by_id(self, saved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

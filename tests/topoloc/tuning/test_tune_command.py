@@ -210,6 +210,14 @@ class TestMistakes:
         (place / "recording" / "rgb.txt").write_text("\n".join(lines[:10]) + "\n")
         assert "record more laps" in self.says(tune(place, place / "out"), capsys)
 
+    def test_the_map_was_built_of_it(self, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run(["map", "build", str(place / "recording"), "-o", str(place / "built")]) == 0
+        capsys.readouterr()
+        words = ["tune", str(place / "built"), str(place / "recording"), "-o", str(place / "out"), "--sensor", "pca"]
+        error = self.says([*words, "--jobs", "1"], capsys)
+        assert "recording: the map was built of it (100% of" in error and "record another drive" in error
+        assert not (place / "out").exists()
+
     @pytest.mark.parametrize(
         ("more", "says"),
         [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -20,29 +21,32 @@ FAR_S = 0.5
 def write_frames(job: Job, odometry: Track | None) -> tuple[Floats, tuple[int, int]]:
     """Write the main pictures; returns their times (N,) [s], increasing, and their size, columns and rows.
 
+    A camera may send some pictures of another size, as when it starts; those of the size that most have are kept.
+
     Raises:
         InputError: the bag is damaged.
         UserError: none of them has odometry.
     """
     times: list[float] = []
     away: list[float] = []
-    size: tuple[int, int] | None = None
+    sizes: dict[str, tuple[int, int]] = {}
     for time, message in _messages(job, job.chosen.image, "rgb picture"):
         if odometry is not None and not odometry.times[0] - FAR_S <= time <= odometry.times[-1] + FAR_S:
             away.append(time)
         elif times and abs(time - times[-1]) < job.settings.every - 1e-6:
             job.sink.drop("rgb picture", f"within {job.settings.every:g} s of another (--every)")
         elif (picture := _read(job, message, "rgb picture")) is not None:
-            size = size or (picture.width, picture.height)
-            if size == (picture.width, picture.height):
-                job.sink.picture("rgb", time, picture.data, picture.suffix)
+            name = job.sink.picture("rgb", time, picture.data, picture.suffix)
+            if name is not None:
                 times.append(time)
-            else:
-                job.sink.drop("rgb picture", f"is not of the first one's size, {size[0]}x{size[1]}")
+                sizes[name] = picture.width, picture.height
     job.sink.drop("rgb picture", f"no odometry within {FAR_S:g} s", len(away))
     if odometry is not None and away and not times:
         raise UserError(_never_together(np.array(away), odometry.times))
-    return np.unique(times), size or (0, 0)
+    usual = Counter(sizes.values()).most_common(1)[0][0] if sizes else (0, 0)
+    odd = {name for name, size in sizes.items() if size != usual}
+    job.sink.withdraw("rgb", odd, f"is not {usual[0]}x{usual[1]} as most are")
+    return np.unique([time for time, name in zip(times, sizes, strict=True) if name not in odd]), usual
 
 
 def write_beside(job: Job, kind: str, topic: Topic, main: Floats) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from topoloc.errors import UserError
-from topoloc.geometry import Floats
+from topoloc.geometry import Floats, compose, inverse
 from topoloc.importing.bags import notes
 from topoloc.importing.bags.bag import Bag, Message
 from topoloc.importing.bags.frames import FAR_S, write_beside, write_frames
@@ -21,6 +21,7 @@ from topoloc.importing.bags.topics import Chosen, choose, is_rectified
 from topoloc.importing.bags.tracks import Tracks, read_tracks
 from topoloc.importing.recording_sink import Imported, RecordingSink
 from topoloc.lens import Lens
+from topoloc.recording import Track
 from topoloc.rig_file import Mount, Rig
 from topoloc.topo_map import Camera
 
@@ -66,10 +67,12 @@ def import_bag(
     for kind, topic in (("right", found.right), ("depth", found.depth)):
         if topic is not None:
             write_beside(job, kind, topic, times)
-    if len(times):
-        _write_poses(job, tracks, times)
     used = _used(found, settings)
     rig = Rig() if first is None or not len(times) else _rig(job, tracks, first, times, size, used)
+    if tracks.truth is not None and tracks.truth_of == "optical":
+        tracks.truth = _behind_camera(job, tracks.truth, rig.mount)
+    if len(times):
+        _write_poses(job, tracks, times)
     imported = job.sink.close(rig)
     strange = (
         *notes.of_odometry(tracks.odometry, times),
@@ -87,6 +90,15 @@ def _write_poses(job: Job, tracks: Tracks, times: Floats) -> None:
         for time, pose in () if track is None else zip(track.times, track.poses, strict=True):
             if begin <= time <= end:
                 write(float(time), pose)
+
+
+def _behind_camera(job: Job, truth: Track, mount: Mount) -> Track:
+    """True poses of the robot whose camera has these; it is noted."""
+    place = f"x {mount.x:g} m, y {mount.y:g} m, yaw {mount.yaw_deg:g} degrees"
+    what = "the true poses are of a camera's optical frame, its y axis points down"
+    job.notes.append(f"{what}: z is taken for ahead, and the robot's pose is found by the mount ({place})")
+    on_robot = np.array([mount.x, mount.y, np.deg2rad(mount.yaw_deg)])
+    return Track(truth.times, compose(truth.poses, inverse(on_robot)))
 
 
 def _used(found: Chosen, settings: BagSettings) -> dict[str, str]:

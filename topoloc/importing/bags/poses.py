@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from topoloc.geometry import Floats
+from topoloc.recording import OPTICAL_DOWN
 
 LEVEL = 0.7
 """A robot's z axis points up at least so far (cosine); where it does not, the frame is another's."""
@@ -62,12 +63,17 @@ class PoseLog:
         return times, table[first, 1:4], Rotation.from_quat(table[first, 4:])
 
 
-def flattened(positions: Floats, turns: Rotation) -> Floats:
-    """Poses (N, 3) in the plane, x [m], y [m], theta [rad]: the heading is that of the x axis."""
-    ahead = turns.as_matrix()[:, :, 0]
-    return np.column_stack([positions[:, :2], np.arctan2(ahead[:, 1], ahead[:, 0])])
+def flattened(positions: Floats, turns: Rotation, ahead: Literal[0, 2] = 0) -> Floats:
+    """Poses (N, 3) in the plane, x [m], y [m], theta [rad]: the heading is that of the x axis, 0, or the z axis, 2."""
+    axis = turns.as_matrix()[:, :, ahead]
+    return np.column_stack([positions[:, :2], np.arctan2(axis[:, 1], axis[:, 0])])
 
 
 def is_level(turns: Rotation) -> bool:
     """Whether the z axis of most of the orientations points up, as a robot's does."""
     return bool(np.median(turns.as_matrix()[:, 2, 2]) >= LEVEL)
+
+
+def is_optical(turns: Rotation) -> bool:
+    """Whether the y axis of most of the orientations points down, as that of a camera's optical frame does."""
+    return bool(np.median(-turns.as_matrix()[:, 2, 1]) >= OPTICAL_DOWN)

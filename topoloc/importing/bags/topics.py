@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,8 @@ PICTURES, ODOMETRY, INFO = (RAW, COMPRESSED), "nav_msgs/Odometry", "sensor_msgs/
 NO_TRUTH = ("goal", "initialpose", "initial_pose", "clicked", "waypoint")
 """Names of poses that are wishes, not measurements."""
 TRANSPORTS = ("compressed", "compresseddepth", "image_transport")
+RECTIFIED = re.compile(r"(?<![a-z])rect(ified)?(?![a-z])")
+"""A word of its own: ``direct``, ``uncorrected`` and ``unrectified`` are others."""
 USES = {"image": "--image", "odometry": "--odometry", "truth": "--truth", "camera info": "--camera-info"}
 
 
@@ -125,7 +128,7 @@ def stem(image: Topic) -> str:
 
 def is_rectified(image: Topic) -> bool:
     """Whether pictures are straightened already, as their name tells: ``image_rect``, ``image_rect_color``."""
-    return "rect" in stem(image).rpartition("/")[2]
+    return RECTIFIED.search(stem(image).rpartition("/")[2].lower()) is not None
 
 
 def _beside(topics: Iterable[Topic], image: Topic) -> Topic | None:

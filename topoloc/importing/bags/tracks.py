@@ -6,11 +6,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from scipy.spatial.transform import Rotation
+
+from topoloc.geometry import Floats
 from topoloc.importing.bags.bag import TRANSFORMS, Bag, Message
 from topoloc.importing.bags.job import Job
-from topoloc.importing.bags.poses import POSE_OF, PoseLog, flattened, is_level, of_transform
+from topoloc.importing.bags.poses import POSE_OF, PoseLog, flattened, is_level, is_optical, of_transform
 from topoloc.importing.bags.transforms import Transforms
 from topoloc.recording import Track
+from topoloc.rig_file import TruthOf
 
 ODOMETER, TRUE = "odometer pose", "true pose"
 """What poses are called where they are told of."""
@@ -23,6 +27,7 @@ class Tracks:
     Attributes:
         odometry: the odometer's poses, None where there are none.
         truth: the true poses, likewise.
+        truth_of: whose these are, in the plane with the heading of what looks ahead: the robot's, or the camera's.
         transforms: of ``/tf`` and ``/tf_static``.
         infos: the first camera info of each topic of them.
         base: frame that the odometry is of; empty where nothing names it.
@@ -30,6 +35,7 @@ class Tracks:
 
     odometry: Track | None = None
     truth: Track | None = None
+    truth_of: TruthOf = "robot"
     transforms: Transforms = field(default_factory=Transforms)
     infos: dict[str, Any] = field(default_factory=dict)
     base: str = ""
@@ -57,8 +63,13 @@ def read_tracks(job: Job) -> Tracks:
                 tracks.base = getattr(message.content, "child_frame_id", "")  # poses have none
     if job.settings.odometry_tf is not None:
         tracks.base = job.settings.odometry_tf[1]
-    tracks.odometry = _track(job, ODOMETER, logs[ODOMETER], tracks.transforms, job.settings.odometry_tf)
-    tracks.truth = _track(job, TRUE, logs[TRUE], tracks.transforms, job.settings.truth_tf)
+    odometry = _in_space(job, ODOMETER, logs[ODOMETER], tracks.transforms, job.settings.odometry_tf)
+    tracks.odometry = None if odometry is None else _of_robot(job, ODOMETER, *odometry)
+    truth = _in_space(job, TRUE, logs[TRUE], tracks.transforms, job.settings.truth_tf)
+    if truth is not None and is_optical(truth[2]):
+        tracks.truth, tracks.truth_of = Track(truth[0], flattened(*truth[1:], ahead=2)), "optical"
+    elif truth is not None:
+        tracks.truth = _of_robot(job, TRUE, *truth)
     return tracks
 
 
@@ -107,8 +118,10 @@ def _keep_pose(job: Job, message: Message, content: Any, what: str, logs: dict[s
         logs[what].add(time, POSE_OF[message.kind](content))
 
 
-def _track(job: Job, what: str, log: PoseLog, transforms: Transforms, frames: tuple[str, str] | None) -> Track | None:
-    """The poses of a topic, or of one frame in another at each reading, in the plane; None where there are none."""
+def _in_space(
+    job: Job, what: str, log: PoseLog, transforms: Transforms, frames: tuple[str, str] | None
+) -> tuple[Floats, Floats, Rotation] | None:
+    """Times, positions and turns of a topic, or of one frame in another at each reading; None: there are none."""
     job.sink.drop(what, "is not finite, or its quaternion is zero", log.unusable)
     if frames is not None:
         times = transforms.times(*frames)
@@ -118,6 +131,11 @@ def _track(job: Job, what: str, log: PoseLog, transforms: Transforms, frames: tu
         job.sink.drop(what, "another has the same time", len(log) - len(times))
     else:
         return None
+    return times, positions, turns
+
+
+def _of_robot(job: Job, what: str, times: Floats, positions: Floats, turns: Rotation) -> Track:
+    """Poses with x ahead and z up, in the plane; it is noted where z does not point up."""
     if not is_level(turns):
         job.notes.append(f"the z axis of the {what}s does not point up: are they of the robot, x ahead and z up?")
     return Track(times, flattened(positions, turns))

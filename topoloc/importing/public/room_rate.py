@@ -11,14 +11,13 @@ import numpy as np
 from topoloc.errors import InputError
 from topoloc.files import write_csv
 from topoloc.geometry import Floats, wrap
+from topoloc.importing.public.answers import SAME_S, Answers
 from topoloc.importing.public.sequence import ROOM_COLUMNS, ROOMS_FILE
 from topoloc.map_folder import number, rows_of
-from topoloc.recording import Recording, Track
+from topoloc.recording import Recording
 from topoloc.topo_map import TopoMap
 
 NODE_ROOMS_FILE, NODE_ROOM_COLUMNS = "node_rooms.csv", ("node", "room")
-SAME_S = 1e-3
-"""A step and a label are of one picture within this [s]."""
 RESTORE = "import the set again"
 
 
@@ -27,7 +26,7 @@ class RoomRate:
     """How often the room of the named node was the true one.
 
     Attributes:
-        pictures: that have a true room; every frame counts, whether the gate was open or not.
+        pictures: that have a true room; every frame counts, whether the gate was open or not, with a step or without.
         named: of these, for how many a node was named.
         right: of these, for how many it lay in the true room.
         by_room: pictures and right ones of each room.
@@ -46,14 +45,20 @@ class RoomRate:
 
 @dataclass(frozen=True)
 class PoseErrors:
-    """Errors of each frame (N,): distance [m] and turn [degrees]."""
+    """Errors of a run.
+
+    Attributes:
+        metres, degrees: (N,) distance and turn of each frame that has a step.
+        missing: frames without a step.
+    """
 
     metres: Floats
     degrees: Floats
+    missing: int = 0
 
     def within(self, metres: float) -> float:
-        """Share of frames whose position is at most so far off."""
-        return float(np.mean(self.metres <= metres))
+        """Share of all frames whose position is at most so far off; one without a step is not."""
+        return float((self.metres <= metres).sum() / (len(self.metres) + self.missing))
 
 
 def read_rooms(recording: Path) -> tuple[Floats, list[str]] | None:
@@ -89,53 +94,54 @@ def write_node_rooms(folder: Path, topo_map: TopoMap, train: Path) -> None:
         write_csv(folder / NODE_ROOMS_FILE, NODE_ROOM_COLUMNS, sorted(rooms.items()))
 
 
-def room_rate(steps: Path, recording: Path, rooms_of_nodes: Path) -> RoomRate | None:
-    """The rate of a run.
+def room_rate(answers: Answers, rooms_of_nodes: Path) -> RoomRate | None:
+    """The rate of a run; a picture without a step counts as one for which no node was named.
 
     Args:
-        steps: ``steps.csv`` of ``topoloc localize`` or of a benchmark.
-        recording: that was localized, with ``rooms.csv``.
+        answers: to a recording with ``rooms.csv``.
         rooms_of_nodes: ``node_rooms.csv`` of its map.
 
     Returns:
         None where rooms are not told.
 
     Raises:
-        InputError: a file cannot be read, or no step is at the time of a label.
+        InputError: a file cannot be read, or no picture is at the time of a label.
     """
-    labels = read_rooms(recording)
+    recording = answers.recording
+    labels = read_rooms(recording.folder)
     if labels is None or not rooms_of_nodes.exists():
         return None
     of_node = {row["node"]: row["room"] for _, row in rows_of(rooms_of_nodes, NODE_ROOM_COLUMNS, RESTORE)}
     times, rooms = labels
     count: dict[str, tuple[int, int]] = {}
     named = 0
-    for line, row in rows_of(steps, ("timestamp", "node"), "run 'topoloc localize' again"):
-        time = number(row["timestamp"], "timestamp", steps, line)
-        nearest = int(np.abs(times - time).argmin())
-        if abs(times[nearest] - time) > SAME_S:
+    for picture, step in zip(recording.pictures[recording.kind], answers.steps, strict=True):
+        nearest = int(np.abs(times - picture.time).argmin())
+        if abs(times[nearest] - picture.time) > SAME_S:
             continue
-        true = rooms[nearest]
+        true, node = rooms[nearest], "" if step is None else step[1]["node"]
         pictures, right = count.get(true, (0, 0))
-        named += bool(row["node"])
-        count[true] = (pictures + 1, right + (of_node.get(row["node"]) == true))
+        named += bool(node)
+        count[true] = (pictures + 1, right + (of_node.get(node) == true))
     if not count:
-        raise InputError(steps, f"no step is at a time of {recording / ROOMS_FILE}", "name the run of this recording")
+        raise InputError(recording.folder / ROOMS_FILE, "no label is at a picture's time", RESTORE)
     return RoomRate(
         sum(pictures for pictures, _ in count.values()), named, sum(right for _, right in count.values()), count
     )
 
 
-def pose_errors(steps: Path, recording: Path) -> PoseErrors | None:
-    """Errors at every frame of a run; None where the recording has no truth. Raises ``InputError``."""
-    truth: Track | None = Recording.load(recording).truth
-    if truth is None:
+def pose_errors(answers: Answers) -> PoseErrors | None:
+    """Errors at every step of a run; None where the recording has no truth. Raises ``InputError``."""
+    recording = answers.recording
+    if recording.truth is None:
         return None
-    rows = list(rows_of(steps, ("timestamp", "x", "y", "heading_deg"), "run 'topoloc localize' again"))
-    names = ("timestamp", "x", "y", "heading_deg")
-    table = np.array([[number(row[name], name, steps, line) for name in names] for line, row in rows]).reshape(-1, 4)
-    if not len(table):
-        raise InputError(steps, "holds no steps", "run 'topoloc localize' again")
-    true = np.array([truth.at(float(time)) for time in table[:, 0]])
-    turns = np.abs(np.rad2deg(wrap(np.deg2rad(table[:, 3]) - true[:, 2])))
-    return PoseErrors(np.hypot(*(table[:, 1:3] - true[:, :2]).T), turns)
+    names = ("x", "y", "heading_deg")
+    having = [
+        (picture.time, *step)
+        for picture, step in zip(recording.pictures[recording.kind], answers.steps, strict=True)
+        if step is not None
+    ]
+    table = np.array([[number(row[name], name, answers.path, line) for name in names] for _, line, row in having])
+    true = np.array([recording.truth.at(time) for time, _, _ in having])
+    turns = np.abs(np.rad2deg(wrap(np.deg2rad(table[:, 2]) - true[:, 2])))
+    return PoseErrors(np.hypot(*(table[:, :2] - true[:, :2]).T), turns, answers.missing)

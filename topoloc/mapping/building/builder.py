@@ -15,6 +15,7 @@ from topoloc.mapping.building.camera import camera_of
 from topoloc.mapping.building.circles import Circle, circle_of, is_flat
 from topoloc.mapping.building.config import BuildConfig
 from topoloc.mapping.building.frame_picture import FramePictures
+from topoloc.mapping.building.notes import notes_on, pictures_of
 from topoloc.mapping.building.omni import has_panoramas, panorama_at
 from topoloc.mapping.building.places import edges_along, frames_between, turns_apart, views_apart
 from topoloc.mapping.building.turns import Turn, turns_on_the_spot
@@ -37,7 +38,7 @@ class Built:
         frames: that were used.
         length_m: of the way [m].
         turns: on the spot that were found, where panoramas are made of them.
-        notes: on single turns, a sentence each.
+        notes: on turns, a sentence each, or one where the same is wrong at most.
         left_out: frames that were not used, by reason.
         jumps: steps between frames too long to tell an edge.
     """
@@ -92,7 +93,7 @@ class Builder:
         self._way = way_of(recording, config.poses, config.speed_m_s, self._left_out)
         self._camera = camera_of(self._way, config)
         self._pictures = FramePictures(recording)
-        self._notes: list[str] = []
+        self._looked: list[tuple[Turn, Circle | str]] = []
 
     def build(self, name: str) -> Built:
         """All steps, one after the other."""
@@ -104,8 +105,9 @@ class Builder:
         edges, jumps = edges_along(positions, bare.nearest_node(positions), spacing)
         baseline = way.recording.baseline_m if any(view.has_right for view in views) else None
         topo_map = TopoMap(name, self._camera, nodes, edges, (), views, baseline_m=baseline)
+        notes = notes_on(self._looked, way, topo_map, spacing)
         left_out = {reason: count for reason, count in self._left_out.items() if count}
-        return Built(topo_map, way.source, len(way.pictures), way.length_m, found, tuple(self._notes), left_out, jumps)
+        return Built(topo_map, way.source, len(way.pictures), way.length_m, found, notes, left_out, jumps)
 
     def _nodes(self) -> tuple[tuple[Node, ...], int]:
         """The nodes in the order that the way comes to them, and how many turns there were."""
@@ -117,7 +119,8 @@ class Builder:
             between = frames_between(self._way.robot[:, :2], taken, self._config.spacing_m)
             places += [_Place(frame, self._way.robot[frame, :2]) for frame in between.tolist()]
         if not places:
-            why = f"; {self._notes[0]}" if self._notes else ""
+            failed = [f"; {pictures_of(turn, self._way)}: {why}" for turn, why in self._looked if isinstance(why, str)]
+            why = failed[0] if failed else ""
             raise UserError(
                 f"{self._way.recording.folder}: no place has a panorama{why}; let the robot turn full circle at the "
                 "nodes, or take --nodes all"
@@ -148,13 +151,9 @@ class Builder:
         for done, turn in enumerate(apart, start=1):
             circle = circle_of(turn, self._way, self._camera, self._pictures, by)
             self._progress("making panoramas", done, len(apart))
-            at = f"the turn at {turn.position[0]:.1f}, {turn.position[1]:.1f} m"
-            if isinstance(circle, str):
-                self._notes.append(f"{at} has no panorama: {circle}")
-                continue
-            made.append((turn, circle))
-            if circle.note:
-                self._notes.append(f"{at}: {circle.note}")
+            self._looked.append((turn, circle))
+            if isinstance(circle, Circle):
+                made.append((turn, circle))
         return made
 
     def _views(self) -> tuple[View, ...]:

@@ -27,11 +27,20 @@ FLAT = 2.0
 
 @dataclass(frozen=True)
 class Circle:
-    """A panorama, uint8 (rows, columns[, 3]), and its left edge's heading [rad]; what is to be told of it."""
+    """A panorama.
+
+    Attributes:
+        image: uint8 (rows, columns[, 3]).
+        heading: of its left edge [rad].
+        missing_deg: that nobody saw, and that stay black [degrees].
+        doubt: why its pictures were not believed, and its frames stand where the poses say; empty: they were, or need
+            not be.
+    """
 
     image: Image
     heading: float
-    note: str = ""
+    missing_deg: float
+    doubt: str = ""
 
 
 def circle_of(turn: Turn, way: Way, camera: Camera, pictures: FramePictures, by: str) -> Circle | str:
@@ -48,27 +57,26 @@ def circle_of(turn: Turn, way: Way, camera: Camera, pictures: FramePictures, by:
         frames, turn = _looked_at(turn, way, camera, pictures)
     if turn.missing_deg > MOST_MISSING_DEG:
         return f"{turn.missing_deg:.0f} degrees of the circle were not seen"
-    note = f"{turn.missing_deg:.0f} degrees stay black" if turn.missing_deg > 0.5 else ""
     headings = way.cameras[turn.frames, 2]
     if by == "headings":
-        return Circle(pasted(frames, headings, camera), LEFT_EDGE, note)
+        return Circle(pasted(frames, headings, camera), LEFT_EDGE, turn.missing_deg)
+    names = [way.pictures[frame].path.name for frame in turn.frames.tolist()]
     step_deg = float(np.rad2deg(np.diff(turn.clockwise).mean()))
     settings = {"hfov_deg": camera.hfov_deg, "step_deg": step_deg, "clahe": False}
     why = ""
     try:
-        made: Any = plugins.make(plugins.PANORAMAS, "circle", settings).reconstruct(frames)
+        made: Any = plugins.make(plugins.PANORAMAS, "circle", settings).reconstruct(frames, names=names)
         astray = wrap(headings - made.headings)
         offset = circular_mean(astray)
-        worst = float(np.rad2deg(np.abs(wrap(astray - offset)).max()))
-        if worst > ASTRAY_DEG:
-            why = f"by its pictures a frame lies {worst:.0f} degrees off"
+        off = np.rad2deg(np.abs(wrap(astray - offset)))
+        if off.max() > ASTRAY_DEG:
+            why = f"by what it shows {names[int(off.argmax())]} lies {off.max():.0f} degrees off"
     except UserError as error:
         why = one_line(error).partition(";")[0]
     if why:
-        told = f"its frames stand where the poses say, since {why}"
-        return Circle(pasted(frames, headings, camera), LEFT_EDGE, "; ".join(filter(None, [told, note])))
+        return Circle(pasted(frames, headings, camera), LEFT_EDGE, turn.missing_deg, why)
     shift, begins = beginning(made.image.shape[1], float(made.heading + offset))
-    return Circle(np.roll(made.image, -shift, axis=1), begins, note)
+    return Circle(np.roll(made.image, -shift, axis=1), begins, turn.missing_deg)
 
 
 def _looked_at(turn: Turn, way: Way, camera: Camera, pictures: FramePictures) -> tuple[list[Image], Turn]:
