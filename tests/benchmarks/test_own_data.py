@@ -146,6 +146,7 @@ def columns_of(rows: list[Figures]) -> list[set[str]]:
     return [set(row) for row in rows]
 
 
+@pytest.mark.slow
 def test_maps_on_a_tiny_world(monkeypatch: pytest.MonkeyPatch) -> None:
     """The drift is told of maps of odometry only, and `ima` is left out where there are no panoramas."""
     monkeypatch.setattr(maps, "SENSORS", ("ima", "local"))

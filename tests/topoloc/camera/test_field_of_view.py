@@ -70,7 +70,8 @@ def test_noise_of_the_odometer_is_no_harm_in_a_circle(film: Callable[..., Record
     assert found.hfov_deg == pytest.approx(62.0, rel=0.003)
 
 
-@pytest.mark.parametrize(("hfov_deg", "step_deg"), [pytest.param(40.0, 14.0, marks=pytest.mark.slow), (90.0, -25.0)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("hfov_deg", "step_deg"), [(40.0, 14.0), (90.0, -25.0)])
 def test_full_circle_without_odometry(film: Callable[..., Recording], hfov_deg: float, step_deg: float) -> None:
     frames = int(380.0 / abs(step_deg)) + 1
     found = estimate_field_of_view(film(turn(step_deg, frames), Camera(hfov_deg, 256, 192), odometry=False))

@@ -225,6 +225,7 @@ def test_seam_of_a_closed_circle_is_a_step_like_others(drive: Drive) -> None:
         assert seam(node.panorama)[0] < 4.0
 
 
+@pytest.mark.slow
 def test_field_of_view_is_found_by_matching(drive: Drive) -> None:
     """A camera that sees half as wide as it is told: tan is what scales."""
     true = 2.0 * np.rad2deg(np.arctan(0.6 * np.tan(np.deg2rad(20.0))))

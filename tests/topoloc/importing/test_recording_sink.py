@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from topoloc.cli.imported import tell
@@ -20,6 +20,7 @@ from topoloc.topo_map import Camera
 PICTURE = np.full((12, 16, 3), 90, dtype=np.uint8)
 
 
+@settings(max_examples=20)
 @given(order=st.permutations(range(6)))
 def test_any_order_gives_the_same_recording(tmp_path_factory: pytest.TempPathFactory, order: list[int]) -> None:
     folder = tmp_path_factory.mktemp("sink")

@@ -24,8 +24,10 @@ from topoloc.cli.run import run as command
 from topoloc.errors import UserError
 from topoloc.geometry import compose
 from topoloc.importing.video import Video
+from topoloc.live.messages import Odometry, Picture, beside
 from topoloc.live.report import LiveReport
 from topoloc.live.run_log import RunLog
+from topoloc.recording import Track
 from topoloc.recording_folder import RecordingWriter
 from topoloc.topo_map import Camera, Node, TopoMap
 from topoloc.types import Frame, Image
@@ -304,21 +306,15 @@ class TestVideo:
         assert run(live(place, *words, str(place / "before.csv"))) == 2
         assert "before.csv: tells -9 to -8 s, the video 0 to the end; tell when" in capsys.readouterr().err
 
-    def test_odometry_that_begins_later_is_no_standing_still(
-        self, video: Path, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        """Pictures before it have no odometry, and that is said; with the offset all have it."""
+    def test_odometry_of_a_clock_that_is_ahead(self, video: Path, capsys: pytest.CaptureFixture[str]) -> None:
         table = (video.parent / "odometry.csv").read_text().splitlines()
         later = [",".join([str(float(row.split(",")[0]) + 3.0), *row.split(",")[1:]]) for row in table[1:]]
         (video.parent / "later.csv").write_text("\n".join([table[0], *later]))
         words = ["--video", str(video), "--fast", "--json", "--odometry", str(video.parent / "later.csv")]
-        assert run(live(video.parent, *words)) == 0
-        said = capsys.readouterr()
-        assert "if the clocks differ, add --offset-s" in said.err
-        assert reports(said.out)[0]["counts"]["odometry"] == 0
+        assert run(live(video.parent, *words)) == 2
+        assert "--offset-s" in capsys.readouterr().err
         assert run(live(video.parent, *words, "--offset-s", "3.0")) == 0
-        said = capsys.readouterr()
-        assert "warning" not in said.err and reports(said.out)[0]["counts"]["odometry"] > 0
+        assert reports(capsys.readouterr().out)[0]["counts"]["odometry"] > 0
 
     @pytest.mark.parametrize("how", ["at its end", "a signal", "no such sensor", "no moment in common"])
     def test_it_is_closed_whatever_happens(self, how: str, video: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -436,3 +432,11 @@ def test_a_mistake_gets_one_line(place: Path, capfd: pytest.CaptureFixture[str])
     out, err = capfd.readouterr()
     own = [line for line in err.splitlines() if "is left out" not in line]
     assert out == "" and len(own) == 1 and "text.avi: is no video that can be read" in own[0]
+
+
+def test_pictures_beyond_the_odometry_are_no_standing_still() -> None:
+    """A video's odometry may begin later, or end sooner."""
+    track = Track(np.array([3.0, 4.0]), np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
+    told = list(beside([Picture(float(time), b"") for time in range(7)], track, reach_s=0.5))
+    assert [message.time for message in told if isinstance(message, Odometry)] == [3.0, 4.0]
+    assert [message.time for message in told if isinstance(message, Picture)] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
