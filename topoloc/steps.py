@@ -50,7 +50,7 @@ class Steps:
 
 def write_steps(path: Path, topo_map: TopoMap, steps: Sequence[Step]) -> None:
     """Write the answers of a localizer, without the truth."""
-    write_csv(path, STEP_COLUMNS, [_cells(topo_map, step) for step in steps])
+    write_csv(path, STEP_COLUMNS, [step_cells(topo_map, step) for step in steps])
 
 
 def steps_text(topo_map: TopoMap, steps: Sequence[Step], truth: Floats, right: NDArray[np.bool_]) -> str:
@@ -67,7 +67,7 @@ def steps_text(topo_map: TopoMap, steps: Sequence[Step], truth: Floats, right: N
     writer.writerow(STEP_COLUMNS + TRUTH_COLUMNS)
     for step, pose, hit in zip(steps, truth, right, strict=True):
         told = "" if step.kind == "gated" else str(int(hit))
-        writer.writerow((*_cells(topo_map, step), *_pose_cells(pose), told))
+        writer.writerow((*step_cells(topo_map, step), *_pose_cells(pose), told))
     return buffer.getvalue()
 
 
@@ -94,7 +94,8 @@ def read_steps(path: Path) -> Steps:
     return Steps(poses, truth, column["node"], probability, column["status"], column["kind"], right)
 
 
-def _cells(topo_map: TopoMap, step: Step) -> tuple[str, ...]:
+def step_cells(topo_map: TopoMap, step: Step) -> tuple[str, ...]:
+    """A row of ``steps.csv`` without the truth, under ``STEP_COLUMNS``."""
     estimate = step.estimate
     return (
         f"{step.timestamp:.6f}",

@@ -125,12 +125,12 @@ def read_table(path: Path, example: str) -> CsvTable:
     if not body:
         raise InputError(path, "holds no rows", f"write a line of names such as {example}, and below it the numbers")
     head_line, header = filled[head]
-    separator = _separator(header)
-    names = _cells(header.lstrip(" #"), separator)
+    separator = separator_of(header)
+    names = cells_of(header.lstrip(" #"), separator)
     if _has_numbers(header):
         raise InputError(path, "names no columns", f"write a line above it such as {example}", head_line)
-    columns = tuple(_column(i, name) for i, name in enumerate(names) if name)
-    rows = [_row(path, line, _cells(text, separator), len(names)) for line, text in body]
+    columns = tuple(column_of(i, name) for i, name in enumerate(names) if name)
+    rows = [_row(path, line, cells_of(text, separator), len(names)) for line, text in body]
     return CsvTable(path, columns, [line for line, _ in body], rows)
 
 
@@ -145,15 +145,16 @@ def _comment(text: str) -> bool:
 
 
 def _has_numbers(text: str) -> bool:
-    return any(math.isfinite(_number(cell)) for cell in _cells(text.lstrip(" #"), _separator(text)))
+    return any(math.isfinite(_number(cell)) for cell in cells_of(text.lstrip(" #"), separator_of(text)))
 
 
-def _separator(header: str) -> str | None:
+def separator_of(header: str) -> str | None:
     """What separates the cells; None: blanks."""
     return next((mark for mark in ("\t", ";", ",") if mark in header), None)
 
 
-def _cells(text: str, separator: str | None) -> list[str]:
+def cells_of(text: str, separator: str | None) -> list[str]:
+    """The cells of a line, stripped; a separator of None stands for blanks."""
     if separator is None:
         return text.split()
     if '"' not in text:
@@ -173,7 +174,7 @@ def _row(path: Path, line: int, cells: list[str], count: int) -> list[str]:
     return cells[:count]
 
 
-def _column(index: int, name: str) -> Column:
+def column_of(index: int, name: str) -> Column:
     """A column's quantity and unit: ``x_mm``, ``x [mm]`` and ``x (mm)`` are one thing."""
     lower = name.strip().lower()
     brackets = BRACKETS.fullmatch(lower)

@@ -85,12 +85,12 @@ def _check(text: str) -> None:
 
 def _split(line: str) -> list[str]:
     """The cells of a header, or of a line below it; empty ones keep their place."""
-    return csv_table._cells(line, csv_table._separator(line))
+    return csv_table.cells_of(line, csv_table.separator_of(line))
 
 
 def _columns(header: str) -> dict[str, csv_table.Column]:
     """The columns that a line names, by quantity."""
-    columns = [csv_table._column(i, name) for i, name in enumerate(_split(header)) if name]
+    columns = [csv_table.column_of(i, name) for i, name in enumerate(_split(header)) if name]
     return {what: column for column in columns for what in COLUMNS if column.quantity in QUANTITIES[what].names}
 
 

@@ -13,7 +13,7 @@ from topoloc.errors import UserError
 from topoloc.files import new_folder, reason
 from topoloc.live.report import LiveReport
 from topoloc.localizer import Step
-from topoloc.steps import STEP_COLUMNS, _cells
+from topoloc.steps import STEP_COLUMNS, step_cells
 from topoloc.topo_map import TopoMap
 
 OUTPUTS = ("trajectory.txt", "steps.csv")
@@ -50,7 +50,7 @@ class RunLog:
         track, steps = self._files
         try:
             track.write(_track_line(report.step))
-            csv.writer(steps, lineterminator="\n").writerow(_cells(self._map, report.step))
+            csv.writer(steps, lineterminator="\n").writerow(step_cells(self._map, report.step))
             track.flush()
             steps.flush()
         except OSError as error:
