@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from oracles.installed_page import install
 
 from topoloc import plugins
 from topoloc.cli.main import build_app
@@ -45,16 +46,7 @@ def test_estimator_of_the_docs_keeps_the_contract() -> None:
 def test_estimator_of_the_docs_is_known_by_its_entry_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As pip would install what the page's pyproject says, beside a file with the page's class."""
     page = ROOT / "docs" / "estimator.md"
-    (toml,) = blocks(page, "toml")
-    project = tomllib.loads(toml)["project"]
-    (tmp_path / "nodetracker.py").write_text(blocks(page, "python")[0])
-    installed = tmp_path / f"{project['name']}-{project['version']}.dist-info"
-    installed.mkdir()
-    (installed / "METADATA").write_text(f"Name: {project['name']}\nVersion: {project['version']}\n")
-    groups = [(group, line) for group, lines in project["entry-points"].items() for line in lines.items()]
-    points = "".join(f"[{group}]\n{name} = {target}\n" for group, (name, target) in groups)
-    (installed / "entry_points.txt").write_text(points)
-    monkeypatch.syspath_prepend(tmp_path)
+    install(page, blocks(page, "python")[0], tmp_path, monkeypatch, "nodetracker")
     assert "nodes" in plugins.names(plugins.ESTIMATORS)
     estimator: Any = plugins.make_estimator("nodes", {"renewal": "0.2"})
     assert estimator.config.renewal == 0.2

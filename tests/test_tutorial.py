@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from oracles.installed_page import install
 
 from benchmarks.scenarios import make_scenario, scenario_names
 from topoloc import plugins
@@ -45,22 +45,8 @@ def test_page_prints_what_it_shows(
         assert capsys.readouterr().out == cell.shown, f"{page}, line {cell.line}"
 
 
-def install(page: str, code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As pip would install the package that a page's TOML describes, with a piece of its code as the module."""
-    (toml,) = re.findall(r"```toml\n(.*?)```", (DOCS / page).read_text(), re.DOTALL)
-    project = tomllib.loads(toml)["project"]
-    (tmp_path / f"{project['name']}.py").write_text(code)
-    installed = tmp_path / f"{project['name']}-{project['version']}.dist-info"
-    installed.mkdir()
-    (installed / "METADATA").write_text(f"Name: {project['name']}\nVersion: {project['version']}\n")
-    groups = [(group, line) for group, lines in project["entry-points"].items() for line in lines.items()]
-    points = "".join(f"[{group}]\n{name} = {target}\n" for group, (name, target) in groups)
-    (installed / "entry_points.txt").write_text(points)
-    monkeypatch.syspath_prepend(tmp_path)
-
-
 def test_sensor_of_the_page_is_known_by_its_entry_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    install("own_sensor.md", cells("own_sensor.md")[0].code, tmp_path, monkeypatch)
+    install(DOCS / "own_sensor.md", cells("own_sensor.md")[0].code, tmp_path, monkeypatch)
     assert "mosaic" in plugins.names(plugins.SENSORS)
     sensor: Any = plugins.make_sensor("mosaic", {"columns": "15"})
     assert sensor.config.columns == 15
@@ -73,7 +59,7 @@ def test_sensor_of_the_page_is_known_by_its_entry_point(tmp_path: Path, monkeypa
 
 def test_scenario_of_the_page_is_known_by_its_entry_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (code,) = (cell.code for cell in cells("own_scenario.md") if "LAB_CROWDED" in cell.code)
-    install("own_scenario.md", code, tmp_path, monkeypatch)
+    install(DOCS / "own_scenario.md", code, tmp_path, monkeypatch)
     assert "lab-crowded" in scenario_names()
     scenario = make_scenario("lab-crowded", updates=5)
     assert scenario.description.startswith("People stand before the camera")

@@ -62,7 +62,7 @@ def check_recording(recording: Recording, track: Track = in_silence) -> Report:
     else:
         found += _odometry_findings(recording, recording.odometry, times)
         if recording.kind == "rgb":
-            found += _camera_findings(recording)
+            found += _camera_findings(recording, track)
     if recording.truth is not None:
         found += _truth_findings(recording, recording.truth, times)
     return Report(summary, tuple(found))
@@ -218,10 +218,10 @@ def _camera_told(recording: Recording) -> Iterator[Finding]:
         yield Finding(str(recording.folder / "camera.toml"), what, remedy, "note")
 
 
-def _camera_findings(recording: Recording) -> Iterator[Finding]:
+def _camera_findings(recording: Recording, track: Track) -> Iterator[Finding]:
     """Another clock, pictures that go the wrong way round in turns, a field of view that turns do not bear out."""
     try:
-        shifts = shifts_of(recording)
+        shifts = shifts_of(recording, track)
     except InputError:
         return  # a picture that cannot be read is a finding of its own
     wrong = list(clock_findings(recording, shifts)) or list(sense_findings(recording, shifts))
@@ -231,7 +231,7 @@ def _camera_findings(recording: Recording) -> Iterator[Finding]:
     from topoloc.camera.field_of_view import estimate_field_of_view
 
     try:
-        found = estimate_field_of_view(recording)
+        found = estimate_field_of_view(recording, track=track)
     except UserError:
         return  # nothing turned on the spot: there is nothing to measure it by
     told = recording.camera.hfov_deg

@@ -10,8 +10,9 @@ import numpy as np
 
 from topoloc.checks.panoramas import reduced
 from topoloc.geometry import Floats, between, compose
+from topoloc.going_through import Track, in_silence
 from topoloc.keypoints import LEAST_SUPPORT, Keypoints, pairs_of
-from topoloc.recording import Recording
+from topoloc.recording import LazyImages, Recording
 from topoloc.types import Frame
 
 TURN_DEG = (5.0, 30.0)
@@ -42,8 +43,12 @@ class Shift:
     right_px: float
 
 
-def shifts_of(recording: Recording) -> list[Shift]:
+def shifts_of(recording: Recording, track: Track = in_silence) -> list[Shift]:
     """Shifts of successive pictures: of up to ``MOST_TURNS`` turns and ``MOST_OTHERS`` other pairs, in time.
+
+    Args:
+        recording: with odometry.
+        track: goes through the pairs.
 
     Raises:
         InputError: a picture that cannot be read.
@@ -53,7 +58,7 @@ def shifts_of(recording: Recording) -> list[Shift]:
     chosen = {*_evenly(np.flatnonzero(turned), MOST_TURNS), *_evenly(np.flatnonzero(turned == 0.0), MOST_OTHERS)}
     found: list[Shift] = []
     known: dict[int, Keypoints] = {}
-    for i in sorted(chosen):
+    for i in track(sorted(chosen), "comparing pictures in time"):
         known = {at: known[at] if at in known else _keypoints(frames[at], recording.kind) for at in (i, i + 1)}
         right = _right(known[i], known[i + 1])
         found.append(Shift(frames[i].timestamp, frames[i + 1].timestamp, float(turned[i]), right))
@@ -77,8 +82,8 @@ def _turned(before: Frame, after: Frame) -> float:
 
 def _keypoints(frame: Frame, kind: str) -> Keypoints:
     found = Keypoints.of(reduced(np.asarray(frame.images[kind])))
-    if hasattr(frame.images, "forget"):
-        frame.images.forget()
+    if isinstance(frame.images, LazyImages):
+        frame.images.forget()  # or a long recording would fill memory
     return found
 
 
